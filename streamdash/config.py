@@ -110,9 +110,7 @@ class StreamModel(Config):
         if not times:
             raise ValueError("times_gyr must name at least one impact time")
         if any(not 0 < t < self.age_gyr for t in times):
-            raise ValueError(
-                f"times_gyr must lie between 0 and the age of the stream, {self.age_gyr:g} Gyr"
-            )
+            raise ValueError(f"times_gyr must lie between 0 and the age of the stream, {self.age_gyr:g} Gyr")
         if any(b <= a for a, b in zip(times, times[1:], strict=False)):
             raise ValueError("times_gyr must increase, without repeats")
         return self
@@ -229,7 +227,8 @@ def parse_mass_range(text: str) -> tuple[float, float]:
 def _sentence(error: ValidationError) -> str:
     """One sentence a person can act on, from pydantic's first complaint."""
     first = error.errors(include_url=False)[0]
-    field = ".".join(str(part) for part in first["loc"])
+    # an unknown field's name is whatever was typed: keep it to one line
+    field = ".".join(str(part) if str(part).isprintable() else repr(part) for part in first["loc"])
     inner = first.get("ctx", {}).get("error")
     if isinstance(inner, ConfigError):  # a model inside this one has said it already
         return f"{field}.{inner}" if field else str(inner)

@@ -1,0 +1,59 @@
+"""What all tests share: the shipped cache, the default stream's geometry, a cache of one's own."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def _engine_digest() -> str:
+    """Digest of the library's sources.
+
+    numba's disk cache does not notice a change in a function that another module inlines, so
+    compiled code is kept apart for each state of the sources.
+    """
+    digest = hashlib.sha256()
+    for path in sorted((ROOT / "streamdash").rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+# Before anything imports numba; worker processes and servers started by tests inherit it.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / ".pytest_cache" / "numba" / _engine_digest()))
+# A developer's own cache must not decide what a test sees.
+os.environ.pop("STREAMDASH_CACHE", None)
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """Top folder of the checkout."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def shipped_cache() -> Path:
+    """The ``cache/`` folder that comes with the checkout; tests only read it."""
+    return ROOT / "cache"
+
+
+@pytest.fixture
+def cache_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty cache folder that ``STREAMDASH_CACHE`` points to during the test."""
+    directory = tmp_path / "cache"
+    directory.mkdir()
+    monkeypatch.setenv("STREAMDASH_CACHE", str(directory))
+    return directory
+
+
+@pytest.fixture(scope="session")
+def geometry():
+    """Geometry of the default stream, from the shipped cache."""
+    from streamdash.config import StreamModel
+    from streamdash.geometry import load_geometry
+
+    return load_geometry(StreamModel())
