@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numba import njit
@@ -25,6 +26,10 @@ from streamdash.pdf import Pdfs
 
 Y_BINS = tuple(range(10, 501, 10))
 """Numbers of bins in y that are marginalised over: 10, 20, …, 500 (paper: "10–500")."""
+PAPER_N_BINS = (10, 20, 50, 100)
+"""Numbers of bins of Qρ in the paper's table 1."""
+PAPER_TABLE_1 = {(0, 1): (9.0, 18.0, 33.1, 53.5), (1, 0): (4.0, 5.4, 3.1, 1.3)}
+"""Paper, table 1: Σ ln B^{fid i}_ij by (i, j), for 10³–10⁵ (0) and 10⁵–10⁹ M☉ (1), per `PAPER_N_BINS`."""
 JEFFREYS = ((1.0, "inconclusive"), (2.5, "weak"), (5.0, "moderate"), (np.inf, "strong"))
 """Upper ends of |ln B| and their words (Trotta 2017, as the paper quotes it)."""
 
@@ -50,6 +55,10 @@ class Rules:
     trapezoid : bool
         True, as in the paper: the trapezoidal rule through the heights, in which the first and
         the last bin of y count half. False: the sum of heights times widths.
+    from_zero : bool
+        False: bins of y start at the smallest y_α of any model. True: at 0.
+    reach : {"centre", "whole", "part"}
+        Rule 1 asks that the centre of a bin α, the whole bin or any part of it lie within reach.
     """
 
     n_sigma: float = 3.0
@@ -57,6 +66,8 @@ class Rules:
     y_bins: tuple[int, ...] = Y_BINS
     self_pairs: bool = True
     trapezoid: bool = True
+    from_zero: bool = False
+    reach: Literal["centre", "whole", "part"] = "centre"
 
 
 @dataclass(frozen=True)
@@ -213,22 +224,29 @@ def measure_evidence(
     rules = rules or Rules()
     if pdfs.n_models < 2:
         raise ValueError("Evidence compares models: choose at least two mass ranges.")
+    distance = rules.n_sigma * (noise if width is None else width)
     return Evidence(
-        integrals=overlap_integrals(pdfs.sorted_y, rules.y_bins, rules.self_pairs, rules.trapezoid),
-        far=far_from_peak(pdfs, rules.n_sigma * (noise if width is None else width), low_mass),
+        integrals=overlap_integrals(
+            pdfs.sorted_y, rules.y_bins, rules.self_pairs, rules.trapezoid, rules.from_zero
+        ),
+        far=far_from_peak(pdfs, distance, low_mass, rules.reach),
         sparse=np.array([pdfs.occupied(m) < rules.min_streams for m in range(pdfs.n_models)]),
     )
 
 
-def far_from_peak(pdfs: Pdfs, distance: float, low_mass: int = 0) -> np.ndarray:
-    """Exclusion rule 1: bins α centred farther than ``distance`` from the peak, (n_bin,) of bool.
+def far_from_peak(pdfs: Pdfs, distance: float, low_mass: int = 0, reach: str = "centre") -> np.ndarray:
+    """Exclusion rule 1: bins α farther than ``distance`` from the peak, (n_bin,) of bool.
 
-    The peak is the centre of the highest bin of the lowest-mass model's median PDF(Qρ); it is
-    itself never excluded.
+    The peak is the centre of the highest bin of the lowest-mass model's median PDF(Qρ); its bin is
+    never excluded. `Rules.reach` says which part of a bin must lie within the distance.
     """
     peak = int(np.argmax(pdfs.band(low_mass).median))
+    half = 0.5 * (pdfs.edges[1] - pdfs.edges[0])
+    margin = {"centre": 0.0, "whole": half, "part": -half}[reach]
     # The small allowance keeps bins that sit on the limit whatever the rounding.
-    return np.abs(pdfs.centers - pdfs.centers[peak]) > distance * (1 + 1e-9)
+    far = np.abs(pdfs.centers - pdfs.centers[peak]) + margin > distance * (1 + 1e-9) + 1e-12
+    far[peak] = False
+    return far
 
 
 def measured_width(profiles: np.ndarray) -> float:
@@ -243,6 +261,7 @@ def overlap_integrals(
     y_bins: Sequence[int] = Y_BINS,
     self_pairs: bool = True,
     trapezoid: bool = True,
+    from_zero: bool = False,
 ) -> np.ndarray:
     """E^{fid i}_j = ∫ Π(y_α|M_i) Π(y_α|M_j) dy_α for every pair of models (equation 5).
 
@@ -253,7 +272,7 @@ def overlap_integrals(
     y_bins : sequence of int
         Numbers of bins in y, at least 2 each; bins reach from the smallest to the largest value
         of y_α in any model.
-    self_pairs, trapezoid : bool
+    self_pairs, trapezoid, from_zero : bool
         See `Rules`.
 
     Returns
@@ -266,11 +285,11 @@ def overlap_integrals(
         raise ValueError("Every number of bins in y must be at least 2 for the trapezoidal rule.")
     offsets = np.cumsum([0] + [y.shape[1] for y in sorted_y])
     stacked = np.ascontiguousarray(np.concatenate(sorted_y, axis=1), dtype=np.float64)
-    return _integrals(stacked, offsets, np.asarray(y_bins, dtype=np.int64), self_pairs, trapezoid)
+    return _integrals(stacked, offsets, np.asarray(y_bins, dtype=np.int64), self_pairs, trapezoid, from_zero)
 
 
 @njit(cache=True, nogil=True)
-def _integrals(y, offsets, y_bins, self_pairs, trapezoid):
+def _integrals(y, offsets, y_bins, self_pairs, trapezoid, from_zero):
     """Kernel of `overlap_integrals`: y (n_bin, all streams), sorted within each model's columns."""
     n_bin, n_all = y.shape
     n_models = len(offsets) - 1
@@ -283,7 +302,7 @@ def _integrals(y, offsets, y_bins, self_pairs, trapezoid):
     ends = np.zeros(n_models + 1, dtype=np.int64)
     heights = np.empty((n_models, n_y_max))
     for a in range(n_bin):
-        low, high = np.inf, -np.inf
+        low, high = 0.0 if from_zero else np.inf, -np.inf
         n_distinct = 0
         for m in range(n_models):
             first, last = offsets[m], offsets[m + 1]

@@ -82,6 +82,13 @@ def test_integrals_match_numpy_histograms(rng):
             )
 
 
+def test_bins_of_y_may_start_at_zero(rng):
+    sample = rng.uniform(4, 5, 2000)
+    heights = np.histogram(sample, np.linspace(0, sample.max(), 11), density=True)[0]
+    found = overlap_integrals(rows(sample, sample), (10,), trapezoid=False, from_zero=True)[0, 0, 1, 0]
+    assert found == pytest.approx((heights**2).sum() * sample.max() / 10)
+
+
 def test_without_self_pairs_the_square_is_unbiased(rng):
     """E_ii of few streams in many bins: self-pairs add exactly (bins per y) / (number of streams)."""
     few = np.sort(rng.standard_normal((3000, 60)), axis=1)
@@ -233,8 +240,10 @@ def test_constant_profiles(rng):
 def test_distance_from_the_peak_counts_bin_centres():
     edges = np.linspace(0.5, 1.5, 11)
     y = np.tile(np.exp(-0.5 * ((0.5 * (edges[1:] + edges[:-1]) - 0.95) / 0.1) ** 2), (4, 1))
-    far = far_from_peak(Pdfs(edges, (y, y)), 0.3)
-    np.testing.assert_array_equal(np.flatnonzero(~far), [1, 2, 3, 4, 5, 6, 7])
+    for reach, first, last in (("centre", 1, 7), ("whole", 2, 6), ("part", 1, 7)):
+        far = far_from_peak(Pdfs(edges, (y, y)), 0.3, reach=reach)
+        np.testing.assert_array_equal(np.flatnonzero(~far), range(first, last + 1))
+    assert np.flatnonzero(~far_from_peak(Pdfs(edges, (y, y)), 0.01, reach="whole")).tolist() == [4]
 
 
 def test_measured_width_is_the_standard_deviation_of_a_gaussian(rng):
