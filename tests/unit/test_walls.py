@@ -12,6 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 FLOW = [
     ["config"],
+    ["zarrcodec"],
     ["entryfiles"],
     ["store"],
     ["geometry"],
@@ -22,8 +23,8 @@ FLOW = [
     ["jobs"],
     ["survey"],
     ["observation"],
-    ["pdf"],
-    ["evidence", "classifier", "spectrum"],
+    ["pdf", "features", "scores", "spectrum"],
+    ["evidence", "classifier"],
     ["reproduce"],
     ["plots"],
     ["cli"],
