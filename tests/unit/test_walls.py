@@ -12,8 +12,6 @@ ROOT = Path(__file__).resolve().parents[2]
 
 FLOW = [
     ["config"],
-    ["zarrcodec"],
-    ["entryfiles"],
     ["store"],
     ["geometry"],
     ["impacts"],
