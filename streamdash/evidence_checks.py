@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from streamdash.evidence import Evidence, overlap_integrals, overlap_sum
+from streamdash.evidence import Evidence
+from streamdash.evidence_overlap import overlap_integrals, overlap_sum
 from streamdash.pdf import Pdfs
 
 CHECK_Y_BINS = (20, 50, 100, 200, 400)

@@ -26,7 +26,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from streamdash.evidence import Y_BINS, jeffreys, overlap_integrals
+from streamdash.evidence import jeffreys
+from streamdash.evidence_overlap import Y_BINS, overlap_integrals
+from streamdash.pdf import QUANTILES
 
 JOINT_Y_BINS = Y_BINS[::5]
 """Numbers of bins per component: 10, 60, …, 460. The full set changes the sum by less than its spread."""
@@ -142,7 +144,7 @@ def gaussian_ln_bayes(y_i: np.ndarray, y_j: np.ndarray) -> float:
 
 def _summed(by_y_bins: np.ndarray, gaussian: float, unresolved: np.ndarray) -> JointEvidence:
     """Sum over components, in the same way as `Evidence.cumulative` sums over bins."""
-    low, high = np.quantile(by_y_bins.sum(axis=1), (0.25, 0.75))
+    low, high = np.quantile(by_y_bins.sum(axis=1), QUANTILES[::2])
     return JointEvidence(
         value=float(np.median(by_y_bins, axis=0).sum()),
         low=float(low),

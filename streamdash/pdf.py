@@ -19,8 +19,8 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
-QUANTILES = (0.25, 0.5, 0.75)
-"""Lower edge, middle and upper edge of a band: the interquartile range around the median."""
+QUANTILES = (0.16, 0.5, 0.84)
+"""Lower edge, middle and upper edge of a band: 68 % of the streams around the median."""
 N_BIN_MIN, N_BIN_MAX = 2, 500
 """Fewest and most bins of Qρ (and of y) that are accepted."""
 

@@ -12,10 +12,10 @@ from streamdash.evidence import (
     jeffreys,
     measure_evidence,
     measured_width,
-    overlap_integrals,
 )
 from streamdash.evidence_checks import bootstrap, growth
 from streamdash.evidence_joint import decorrelated_components, gaussian_ln_bayes, joint_evidence
+from streamdash.evidence_overlap import overlap_integrals
 from streamdash.pdf import Pdfs, measure_pdfs
 
 
