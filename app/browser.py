@@ -1,0 +1,70 @@
+"""Two small pieces that live in the browser: the address bar and the live sentence under a figure."""
+
+from __future__ import annotations
+
+import param
+from panel.custom import JSComponent
+
+
+class AddressBar(JSComponent):
+    """Keeps the URL's query equal to `search`, both ways.
+
+    Panel's own `Location` adds a history entry for every change and does not notice the back
+    button. Here controls replace the current entry, a change of page (`push`) adds one, and going
+    back or forward sets `search`.
+    """
+
+    search = param.String("", doc="query with its question mark, or empty")
+    push = param.Integer(0, doc="raised before a change that the back button should undo")
+
+    _esm = """
+    export function render({model}) {
+      let pending = null
+      let pushed = model.push
+      const write = () => {
+        pending = null
+        const url = window.location.pathname + model.search + window.location.hash
+        if (url === window.location.pathname + window.location.search + window.location.hash) { return }
+        if (pushed !== model.push) { window.history.pushState({}, "", url) }
+        else { window.history.replaceState({}, "", url) }
+        pushed = model.push
+      }
+      // Browsers refuse more than ~200 history changes in 30 s: write when a slider rests.
+      model.on("search", () => {
+        if (pushed !== model.push) { clearTimeout(pending); write(); return }
+        clearTimeout(pending)
+        pending = setTimeout(write, 250)
+      })
+      const back = () => { model.search = window.location.search }
+      window.addEventListener("popstate", back)
+      model.on("remove", () => window.removeEventListener("popstate", back))
+      const nothing = document.createElement("span")
+      nothing.hidden = true
+      return nothing
+    }
+    """
+
+
+class LiveText(JSComponent):
+    """A sentence that screen readers announce when it changes (``aria-live="polite"``)."""
+
+    text = param.String("", doc="plain text")
+
+    _esm = """
+    export function render({model}) {
+      const p = document.createElement("p")
+      p.className = "sd-live"
+      p.setAttribute("role", "status")
+      p.setAttribute("aria-live", "polite")
+      const write = () => { p.textContent = model.text }
+      model.on("text", write)
+      write()
+      return p
+    }
+    """
+    _stylesheets = [
+        """
+        .sd-live { margin: 0; font: 14px/1.5 Roboto, sans-serif; max-width: 75ch;
+                   color: var(--mui-palette-text-secondary, inherit); }
+        """
+    ]

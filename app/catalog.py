@@ -1,0 +1,122 @@
+"""Which streams and ensembles can be shown: a frozen snapshot of the cache. Pure; no Panel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from streamdash.config import Config, EnsembleConfig, Perturbers, StreamModel, mass_label
+from streamdash.plots.style import mass_text
+
+CLASSES_MIN, CLASSES_MAX = 2, 4
+"""Fewest and most mass ranges compared at once."""
+PAPER_RANGES = ("1e3-1e5", "1e5-1e9")
+"""Mass ranges compared when nothing else was asked for: the paper's two classes."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One complete ensemble a person can pick."""
+
+    key: str
+    """Name of the cache entry."""
+    token: str
+    """Short name in links: the mass range, with part of the key where that is not enough."""
+    label: str
+    """Name in menus: the mass range and whatever differs from the defaults."""
+    config: EnsembleConfig
+
+
+@dataclass(frozen=True)
+class Stream:
+    """One stream model that has complete ensembles, lowest masses first."""
+
+    key: str
+    label: str
+    model: StreamModel
+    ensembles: tuple[Choice, ...]
+
+    def find(self, token: str) -> Choice | None:
+        """The ensemble of a link's token, of a cache key, or of its first eight digits or more."""
+        for choice in self.ensembles:
+            if choice.token == token or (len(token) >= 8 and choice.key.startswith(token)):
+                return choice
+        return None
+
+    def default(self) -> tuple[Choice, ...]:
+        """The paper's two classes where they exist, else the first two ensembles."""
+        paper = tuple(c for c in map(self.find, PAPER_RANGES) if c is not None)
+        return paper if len(paper) == len(PAPER_RANGES) else self.ensembles[:CLASSES_MIN]
+
+
+@dataclass(frozen=True)
+class Catalog:
+    """All streams that can be shown, and one sentence for every entry that cannot."""
+
+    streams: tuple[Stream, ...] = ()
+    problems: tuple[str, ...] = ()
+
+    def stream(self, key: str) -> Stream | None:
+        """The stream model of a key; the first one for an empty key."""
+        if not key:
+            return self.streams[0] if self.streams else None
+        return next((s for s in self.streams if s.key == key), None)
+
+
+def read_catalog(entries: Iterable[Any]) -> Catalog:
+    """Sort cache entries (`streamdash.store.Entry`) into what can be shown and what cannot."""
+    groups: dict[str, list[Any]] = {}
+    problems = []
+    for entry in entries:
+        if entry.state in ("damaged", "foreign"):
+            problems.append(f"Cache entry {entry.label or entry.key} is {entry.state}: {entry.reason}")
+        elif entry.kind == "ensemble" and entry.state == "complete":
+            groups.setdefault(entry.config.stream.key, []).append(entry)
+    default_key = StreamModel().key
+    ordered = sorted(groups, key=lambda key: (key != default_key, key))
+    return Catalog(tuple(_stream(groups[key]) for key in ordered), tuple(problems))
+
+
+def _stream(entries: Sequence[Any]) -> Stream:
+    ordered = sorted(entries, key=_order)
+    model = ordered[0].config.stream
+    choices: list[Choice] = []
+    for entry in ordered:
+        plain = mass_label(entry.config.perturbers.mass_range)
+        taken = any(choice.token == plain for choice in choices)
+        extra = _differences(entry.config)
+        token = f"{plain}~{entry.key[:8]}" if taken or extra else plain
+        label = mass_text(entry.config.perturbers.mass_range)
+        if extra or taken:
+            extra = [*extra, f"{entry.config.n_streams} streams"]
+        choices.append(Choice(entry.key, token, " · ".join([label, *extra]), entry.config))
+    return Stream(model.key, stream_text(model), model, tuple(choices))
+
+
+def _order(entry: Any) -> tuple:
+    low, high = entry.config.perturbers.mass_range
+    return low, high, len(_differences(entry.config)), -entry.config.n_streams, entry.key
+
+
+def _differences(config: EnsembleConfig) -> list[str]:
+    """What sets an ensemble apart from the default of its stream and mass range."""
+    perturbers = config.perturbers
+    plain = Perturbers(mass_range=perturbers.mass_range)
+    words = _changed(perturbers, plain)
+    same = EnsembleConfig(stream=config.stream, perturbers=perturbers, n_streams=config.n_streams)
+    return words + _changed(config, same)
+
+
+def _changed(config: Config, reference: Config) -> list[str]:
+    return [
+        f"{name} {value if not isinstance(value, Config) else 'changed'}"
+        for name, value in config
+        if value != getattr(reference, name)
+    ]
+
+
+def stream_text(model: StreamModel) -> str:
+    """Name of a stream model: GD-1-like, and whatever differs from that default."""
+    words = _changed(model, StreamModel())
+    return "GD-1-like" + (f" · {', '.join(words)}" if words else "")

@@ -1,0 +1,66 @@
+"""The pages, in the order of the navigation. Adding one is one file and one line below.
+
+How to write a page
+===================
+Make ``app/pages/<key>.py`` with a class derived from `app.pages.base.Page`, and add the class to
+`PAGES`::
+
+    class PdfPage(Page):
+        key, title = "pdf", "PDF"
+        uses = frozenset({"mass", "stream", "noise", "n_bin", "theme"})
+
+        def view(self):
+            data = self._data()
+            self.live = LiveFigure(pdf_figure(data))            # streamdash.plots.live
+            self.card = ui.FigureCard(                          # heading, figure, sentence, downloads
+                "PDF of density fluctuations", self.live.figure, name="pdf",
+                image=lambda fmt: export(pdf_figure(self._data(), backend="matplotlib"), fmt),
+                table=lambda: pdf_table(self._data()),          # pandas.DataFrame, units in column names
+                code=lambda: pdf_code(...),                     # lines of Python that run as shown
+            )
+            self.card.say(pdf_sentence(data))
+            return ui.page_layout(
+                ui.controls(ui.ensemble_picker(self), ui.noise_slider(self)),
+                self.card.view,
+            )
+
+        def update(self, changed):
+            data = self._data()
+            self.live.patch(pdf_columns(data))                  # {element label: {column: array}}
+            self.card.say(pdf_sentence(data))
+
+Rules
+-----
+- **Constructor**: ``(session, services)``; do no work there, `view` is called once right after. The
+  shell closes the page and builds it anew when its structure must change: when ``stream`` or
+  ``mass`` (the compared ensembles) change. `update` is called for every other name in `uses`,
+  inside ``pn.io.hold()``. A page watches the session only through `Page.bind`, which `close` undoes.
+- **State** belongs in `app.state.Session` (one parameter, one line in ``FIELDS``): then it is in the
+  URL, checked, and survives leaving the page. Bind widgets with the helpers in `app.ui`
+  (``slider``, ``int_slider``, ``toggle``, ``select``: first argument the page); they are two-way.
+- **Compute** with ``services.shared(("pdf", keys, noise, n_bin), compute)``: one computation for all
+  sessions; the key is everything the result depends on. ``session.ensembles`` are the chosen
+  `Choice` objects, M0 first; ``services.ensemble(choice.key)`` and ``services.geometry(model)`` give
+  the arrays; ``services.q_rho(choice)`` is Qρ per 0.2° bin and ``services.draws(choice)`` the fixed
+  standard-normal noise for it, both (n_streams, n_bin) float32: q + noise · draws.
+- **Figures** are declared once by a function in ``streamdash/plots/`` (bodies read ``# Collect``,
+  ``# Compute``, ``# Plot``; no Panel there), with labelled elements and fixed ranges. `LiveFigure`
+  finds the Bokeh data source of each label; ``patch`` writes new arrays. Long arrays, few of them,
+  never ragged lists, never new figures. Class colours: ``streamdash.plots.style.class_colour(i)``.
+  Ink that must contrast with the page (medians, reference lines): put the label in
+  ``LiveFigure(..., ink=("median", ...))`` and call ``live.ink(session.theme)`` when "theme" changes.
+- **Errors**: raise `app.services.Unavailable` with one sentence for what cannot be shown;
+  ``ui.empty_state`` and ``ui.error_state`` draw the rest. Text from users or files goes through
+  ``ui.plain_text`` only.
+- **Downloads and code**: `FigureCard` makes PNG, SVG, CSV and "Show the code" of what is shown *now*:
+  pass functions, not values. `say` sets the sentence under the figure (screen readers hear it).
+- Give what a browser test holds on to a CSS class ``sd-…``.
+"""
+
+from __future__ import annotations
+
+from app.pages.base import Page
+from app.pages.profiles import ProfilesPage
+
+PAGES: tuple[type[Page], ...] = (ProfilesPage,)
+"""All pages, in the navigation's order."""

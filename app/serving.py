@@ -1,0 +1,47 @@
+"""From a new browser session to its page, and the server settings all sessions share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import panel as pn
+from bokeh.server.views.ws import WSHandler
+from panel.viewable import Viewable
+
+from app.pages import PAGES
+from app.services import Services
+from app.shell import Shell
+from app.state import Session
+
+
+def open_session(services: Services) -> Viewable:
+    """Build the app for the browser session that is being served now."""
+    send_small_messages_at_once()
+    pn.extension(
+        notifications=True,
+        reconnect=True,
+        disconnect_notification="The connection to the server was lost; trying again …",
+    )
+    session = Session(tuple(page.key for page in PAGES), services.catalog())
+    session.load(pn.state.location.search if pn.state.location else "")
+    shell = Shell(session, services, PAGES)
+    pn.state.on_session_destroyed(lambda _: shell.close())
+    return shell.view
+
+
+def send_small_messages_at_once() -> None:
+    """Turn Nagle's algorithm off on every WebSocket.
+
+    Tornado leaves it on; a slider's small messages then wait for the browser's delayed
+    acknowledgements (median 110 ms instead of 44 ms with 20 sessions).
+    """
+    if getattr(WSHandler.open, "nodelay", False):
+        return
+    opened = WSHandler.open
+
+    def open_without_delay(handler: WSHandler, *args: Any, **kwargs: Any) -> Any:
+        handler.set_nodelay(True)
+        return opened(handler, *args, **kwargs)
+
+    open_without_delay.nodelay = True  # type: ignore[attr-defined]
+    WSHandler.open = open_without_delay

@@ -1,0 +1,127 @@
+"""The frame around the pages: navigation, light/dark, messages, address bar, and who is shown."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import panel as pn
+
+from app import ui
+from app.browser import AddressBar
+from app.pages.base import Page
+from app.services import Services, Unavailable
+from app.state import Session
+from streamdash.store import StoreError
+
+logger = logging.getLogger(__name__)
+
+STRUCTURE = frozenset({"page", "stream", "mass"})
+"""Changes that need a page to be built anew rather than patched."""
+
+
+class Shell:
+    """One browser session's app.
+
+    It alone watches the session: a change is either handed to the open page (`Page.update`, inside
+    one ``pn.io.hold()``) or, for `STRUCTURE`, answered by closing the page and building the one
+    that is wanted.
+
+    Parameters
+    ----------
+    session, services
+        Passed on to the pages.
+    pages
+        The registry, in the navigation's order.
+    """
+
+    def __init__(self, session: Session, services: Services, pages: Sequence[type[Page]]) -> None:
+        self.session = session
+        self.services = services
+        self.pages = {page.key: page for page in pages}
+        self.page: Page | None = None
+        self.address = AddressBar(search=session.search, width=0, height=0, margin=0)
+        self.messages = pn.Column(margin=0, sizing_mode="stretch_width")
+        self.slots = {key: pn.Column(sizing_mode="stretch_width", margin=0) for key in self.pages}
+        self.tabs = ui.navigation(
+            [(page.title, self.slots[key]) for key, page in self.pages.items()], self._position()
+        )
+        self.view = ui.page_frame([self.address, self.messages, self.tabs], session.theme == "dark")
+        self._say_problems()
+        self._show()
+        session.param.watch(self._changed, [n for n in session.param if n not in ("name", "problems")])
+        session.param.watch(lambda _: self._say_problems(), "problems")
+        self.tabs.param.watch(self._navigated, "active")
+        self.view.param.watch(self._toggled, "dark_theme")
+        self.address.param.watch(self._moved_in_history, "search")
+
+    @property
+    def key(self) -> str:
+        """Key of the page that is wanted; the first where the session names none."""
+        return self.session.page or next(iter(self.pages))
+
+    def _position(self) -> int:
+        return list(self.pages).index(self.key)
+
+    def _navigated(self, event: Any) -> None:
+        key = list(self.pages)[event.new]
+        if key != self.key:
+            self.session.page = key
+
+    def _toggled(self, event: Any) -> None:
+        self.session.theme = "dark" if event.new else "default"
+
+    def _moved_in_history(self, event: Any) -> None:
+        if event.new != self.session.search:
+            self.session.load(event.new)
+
+    def _changed(self, *events: Any) -> None:
+        changed = frozenset(event.name for event in events)
+        with pn.io.hold():
+            if changed & STRUCTURE:
+                self._show()
+            elif self.page is not None and changed & self.page.uses:
+                page = self.page
+                self._attempt(lambda: page.update(changed & page.uses))
+            self.tabs.active = self._position()
+            self.view.dark_theme = self.session.theme == "dark"
+            if "page" in changed:
+                self.address.push += 1
+            self.address.search = self.session.search
+
+    def _show(self) -> None:
+        """Close the page that is open and build the one that is wanted."""
+        self.close()
+        for slot in self.slots.values():
+            slot.clear()
+        slot = self.slots[self.key]
+        if not self.session.ensembles:
+            slot[:] = [ui.no_ensembles()]
+            return
+        self.page = self.pages[self.key](self.session, self.services)
+        self._attempt(lambda: slot.append(self.page.view()))
+
+    def _attempt(self, action: Callable[[], Any]) -> None:
+        """Run a page's code; what goes wrong becomes a sentence, never a traceback in the page."""
+        try:
+            action()
+        except (Unavailable, StoreError) as error:
+            sentence = str(error)
+        except Exception:
+            logger.exception("page %r failed", self.key)
+            sentence = "This page failed unexpectedly; the server's log has the details."
+        else:
+            return
+        self.close()
+        self.slots[self.key][:] = [ui.error_state(sentence)]
+
+    def _say_problems(self) -> None:
+        sentences = [*self.session.problems, *self.session.catalog.problems]
+        self.messages[:] = [ui.message(text, "warning") for text in sentences]
+
+    def close(self) -> None:
+        """Close the open page; the server calls this when the browser has gone."""
+        if self.page is not None:
+            self.page.close()
+            self.page = None

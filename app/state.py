@@ -1,0 +1,235 @@
+"""What one browser session has chosen, and its form in the URL.
+
+`read_query` and `write_query` are pure functions; `Session` holds the values widgets bind to.
+To let a page remember something new: add a parameter to `Session` and a line to `FIELDS`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import parse_qsl, urlencode
+
+import param
+
+from app.catalog import CLASSES_MAX, CLASSES_MIN, Catalog
+from streamdash.plots.style import COORDINATE_LABELS
+
+QUANTITIES = {"q_rho": "Qρ", "rho": "ρ", "omega": "⟨Ω∥⟩"}
+N_BIN = (2, 500)
+HIGHLIGHTS_MAX = 10
+SEED_MAX = 9999
+_LONGEST_SHOWN = 40
+
+
+@dataclass(frozen=True)
+class Field:
+    """How one value of a session is read from a link and written to it.
+
+    ``read`` raises ValueError with the allowed values in words.
+    """
+
+    read: Callable[[str], Any]
+    write: Callable[[Any], str]
+
+
+def number(low: float, high: float, digits: int = 3) -> Field:
+    """A decimal number, rounded, in [low, high]."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high:
+            raise ValueError(f"must be a number between {low:g} and {high:g}")
+        return round(value, digits) + 0.0  # no negative zero
+
+    return Field(read, lambda value: f"{round(value, digits):g}")
+
+
+def integer(low: int, high: int) -> Field:
+    """A whole number in [low, high]."""
+
+    def read(text: str) -> int:
+        # Only plain digits: int() would also take "1_0", " 1 " and other scripts' digits.
+        if not (text.isascii() and text.isdigit() and len(text) <= 12 and low <= int(text) <= high):
+            raise ValueError(f"must be a whole number between {low} and {high}")
+        return int(text)
+
+    return Field(read, str)
+
+
+def option(*allowed: str) -> Field:
+    """One of a few words."""
+
+    def read(text: str) -> str:
+        if text not in allowed:
+            raise ValueError(f"must be one of {', '.join(allowed)}")
+        return text
+
+    return Field(read, str)
+
+
+FIELDS: dict[str, Field] = {
+    "noise": number(0.0, 1.0),
+    "n_bin": integer(*N_BIN),
+    "x": option(*COORDINATE_LABELS),
+    "y": option(*QUANTITIES),
+    "highlight": integer(0, HIGHLIGHTS_MAX),
+    "seed": integer(0, SEED_MAX),
+    "theme": option("default", "dark"),
+}
+"""Values that can be checked alone; ``page``, ``stream`` and ``mass`` need to know what exists."""
+
+
+class Session(param.Parameterized):
+    """One browser session's choices. Widgets bind to these; the URL follows them."""
+
+    page = param.String("", doc="key of the page shown; empty: the first")
+    stream = param.String("", doc="key of the stream model; empty: the first of the catalog")
+    mass = param.List([], item_type=str, doc="cache keys of the ensembles compared, lowest masses first")
+    noise = param.Number(0.1, bounds=(0, 1), step=0.01, doc="shot noise σ_ε per 0.2° bin")
+    n_bin = param.Integer(20, bounds=N_BIN, doc="number of bins of PDF(Qρ)")
+    x = param.Selector(default="ell", objects=list(COORDINATE_LABELS), doc="coordinate along the stream")
+    y = param.Selector(default="q_rho", objects=list(QUANTITIES), doc="quantity shown in profiles")
+    highlight = param.Integer(3, bounds=(0, HIGHLIGHTS_MAX), doc="number of highlighted streams")
+    seed = param.Integer(0, bounds=(0, SEED_MAX), doc="seed that picks the highlighted streams")
+    theme = param.Selector(default="default", objects=["default", "dark"], doc="light or dark")
+
+    problems = param.List([], item_type=str, doc="what was wrong with the link, one sentence each")
+
+    def __init__(self, pages: tuple[str, ...] = (), catalog: Catalog = Catalog(), **values: Any) -> None:
+        self.pages = pages
+        self.catalog = catalog
+        super().__init__(**values)
+
+    @property
+    def ensembles(self) -> tuple:
+        """The chosen `Choice` objects, lowest masses first: models M0, M1, …"""
+        stream = self.catalog.stream(self.stream)
+        return tuple(c for c in stream.ensembles if c.key in self.mass) if stream else ()
+
+    def load(self, search: str) -> None:
+        """Take over a URL's query; what is missing or wrong becomes the default."""
+        values, problems = read_query(search, self.pages, self.catalog)
+        defaults = {name: type(self).param[name].default for name in (*FIELDS, "page", "stream")}
+        self.param.update(**{**defaults, **values, "problems": problems})
+
+    @property
+    def search(self) -> str:
+        """The query that reproduces this view; what has its default value is left out."""
+        return write_query(self)
+
+    def choose_stream(self, key: str) -> None:
+        """Switch to another stream model and to its default mass ranges."""
+        stream = self.catalog.stream(key)
+        if stream is not None:
+            self.param.update(stream=key, mass=[c.key for c in stream.default()])
+
+
+def read_query(search: str, pages: tuple[str, ...], catalog: Catalog) -> tuple[dict[str, Any], list[str]]:
+    """Read a URL's query, each key on its own.
+
+    Parameters
+    ----------
+    search
+        Query with or without its question mark.
+    pages
+        Keys of the pages that exist.
+    catalog
+        Streams and ensembles that exist.
+
+    Returns
+    -------
+    values, problems
+        Values by name (always with ``stream`` and ``mass``), and one sentence, naming the key,
+        for everything that was ignored.
+    """
+    given, problems = _split(search)
+    values: dict[str, Any] = {}
+    for name, text in given.items():
+        field = option(*pages) if name == "page" else FIELDS.get(name)
+        if field is None:
+            continue
+        try:
+            values[name] = field.read(text)
+        except ValueError as error:
+            problems.append(f"{name}={_short(text)} in the link was ignored: {name} {error}.")
+    stream = catalog.stream(given.get("stream", ""))
+    if stream is None and catalog.streams:
+        problems.append(
+            f"stream={_short(given['stream'])} in the link was ignored: no complete ensemble of this "
+            f"stream is in the cache; the {catalog.streams[0].label} stream is shown."
+        )
+        stream = catalog.streams[0]
+    values["stream"] = stream.key if stream else ""
+    values["mass"] = _read_mass(given.get("mass"), stream, problems) if stream else []
+    return values, problems
+
+
+def _split(search: str) -> tuple[dict[str, str], list[str]]:
+    try:
+        pairs = parse_qsl(search.lstrip("?"), keep_blank_values=True, max_num_fields=50)
+    except ValueError:
+        return {}, ["The link was ignored: it has more than 50 keys."]
+    given, problems = {}, []
+    for name, text in pairs:
+        if name.startswith("bokeh-"):  # the server's own
+            continue
+        if name not in (*FIELDS, "page", "stream", "mass"):
+            problems.append(f"{_short(name)} in the link was ignored: there is no such key.")
+        elif name in given:
+            problems.append(f"{name} is given twice in the link: only the first one counts.")
+        else:
+            given[name] = text
+    return given, problems
+
+
+def _read_mass(text: str | None, stream, problems: list[str]) -> list[str]:
+    default = [c.key for c in stream.default()]
+    if text is None:
+        return default
+    found: list[str] = []
+    for token in text.split(",")[:50]:
+        choice = stream.find(token.strip())
+        if choice is None:
+            known = ", ".join(c.token for c in stream.ensembles[:8])
+            problems.append(
+                f"mass={_short(token)} in the link was ignored: no complete ensemble has this mass "
+                f"range; there are {known}."
+            )
+        elif choice.key not in found:
+            found.append(choice.key)
+    fewest = min(CLASSES_MIN, len(stream.ensembles))
+    if not fewest <= len(found) <= CLASSES_MAX:
+        problems.append(
+            f"mass in the link was ignored: it must name {CLASSES_MIN} to {CLASSES_MAX} mass ranges."
+        )
+        return default
+    return [c.key for c in stream.ensembles if c.key in found]
+
+
+def write_query(session: Session) -> str:
+    """Write a session's choices as a URL query, leaving out defaults; inverse of `read_query`."""
+    query: dict[str, str] = {}
+    if session.page and session.pages and session.page != session.pages[0]:
+        query["page"] = session.page
+    stream = session.catalog.stream(session.stream)
+    if stream is not None:
+        if stream.key != session.catalog.streams[0].key:
+            query["stream"] = stream.key
+        if [c.key for c in session.ensembles] != [c.key for c in stream.default()]:
+            query["mass"] = ",".join(c.token for c in session.ensembles)
+    for name, field in FIELDS.items():
+        value = getattr(session, name)
+        if value != type(session).param[name].default:
+            query[name] = field.write(value)
+    return f"?{urlencode(query, safe=',~')}" if query else ""
+
+
+def _short(text: str) -> str:
+    clean = "".join(c if c.isprintable() else "�" for c in text)
+    return clean if len(clean) <= _LONGEST_SHOWN else clean[: _LONGEST_SHOWN - 1] + "…"

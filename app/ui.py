@@ -1,0 +1,370 @@
+"""The one door to panel-material-ui: frame, theme, shared widgets, cards, error and empty states."""
+
+from __future__ import annotations
+
+import html
+import io
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import pandas as pd
+import panel as pn
+import panel_material_ui as pmui
+import param
+from bokeh.models import UIElement
+from panel.viewable import Viewable
+
+from app.browser import LiveText
+from app.catalog import CLASSES_MAX, CLASSES_MIN, Choice
+from app.pages.base import Page
+from streamdash.plots.style import class_colour
+
+THEME = {
+    "light": {
+        "palette": {
+            "primary": {"main": "#17456b"},
+            "background": {"default": "#f4f6f8", "paper": "#ffffff"},
+        }
+    },
+    "dark": {
+        "palette": {
+            "primary": {"main": "#8cc4f0"},
+            "background": {"default": "#0f1419", "paper": "#181f26"},
+        }
+    },
+}
+STYLE = ":focus-visible { outline: 3px solid #e69f00 !important; outline-offset: 2px; }"
+WIDE = "stretch_width"
+
+# ---------------------------------------------------------------- frame
+
+
+def page_frame(main: Sequence[Viewable], dark: bool) -> pmui.Page:
+    """Title bar with the light/dark switch around `main`; everything comes from this server."""
+    page = pmui.Page(
+        title="streamdash",
+        meta_description="Which dark-matter perturbers made the gaps in a stellar stream?",
+        main=list(main),
+        dark_theme=dark,
+        theme_config=THEME,
+        raw_css=[STYLE],
+        busy_indicator=None,
+        site_url=".",
+        main_width=1600,
+        css_classes=["sd-page"],
+    )
+    unwatch_busy(page)
+    return page
+
+
+def unwatch_busy(page: pmui.Page) -> None:
+    """Detach a page from the process-wide ``pn.state.busy``.
+
+    panel-material-ui 0.16.6 binds every `Page` to it: each callback of any session then walks every
+    session's model graph, and pages are never freed. The reference lives in param's private
+    bookkeeping; ``tests/app/test_leaks.py`` fails when this stops working.
+    """
+    private = page._param__private
+    private.refs = {name: ref for name, ref in private.refs.items() if name != "busy"}
+    kept = []
+    for names, watcher in private.ref_watchers:
+        if "busy" in names:
+            (watcher.cls if watcher.inst is None else watcher.inst).param.unwatch(watcher)
+        else:
+            kept.append((names, watcher))
+    private.ref_watchers = kept
+
+
+def navigation(pages: Sequence[tuple[str, Viewable]], active: int) -> pmui.Tabs:
+    """The pages as tabs; only the open one is sent to the browser."""
+    return pmui.Tabs(
+        *pages,
+        dynamic=True,
+        active=active,
+        sizing_mode=WIDE,
+        margin=0,
+        css_classes=["sd-nav"],
+        sx={"& .MuiTab-root": {"textTransform": "none", "fontSize": "15px"}},
+    )
+
+
+# ---------------------------------------------------------------- states
+
+
+def plain_text(text: str, **params: Any) -> pn.pane.HTML:
+    """Text that is never read as HTML, whoever wrote it."""
+    return pn.pane.HTML(html.escape(text), **{"sizing_mode": WIDE, **params})
+
+
+def message(sentence: str, kind: str = "info") -> pmui.Alert:
+    """A sentence in a coloured bar that can be closed; ``kind`` is info, warning or error."""
+    return pmui.Alert(
+        html.escape(sentence),
+        severity=kind,
+        closeable=True,
+        sizing_mode=WIDE,
+        css_classes=["sd-message", f"sd-{kind}"],
+    )
+
+
+def error_state(sentence: str) -> pmui.Alert:
+    """What takes the place of a page or panel that cannot be shown."""
+    return pmui.Alert(
+        html.escape(sentence), severity="error", sizing_mode=WIDE, css_classes=["sd-error-state"]
+    )
+
+
+def no_ensembles() -> pmui.Alert:
+    """What a page shows when the cache holds nothing to show."""
+    return pmui.Alert(
+        "There are no simulated streams in the cache yet. "
+        "Run <code>streamdash simulate --mass 1e3-1e5</code> and reload this page.",
+        severity="info",
+        sizing_mode=WIDE,
+        css_classes=["sd-empty-state"],
+    )
+
+
+# ---------------------------------------------------------------- widgets, bound both ways
+
+
+def slider(page: Page, name: str, label: str, step: float = 0.01, **params: Any) -> pmui.FloatSlider:
+    """Slider of a session number with bounds; every move arrives, not only the last."""
+    low, high = page.session.param[name].bounds
+    widget = pmui.FloatSlider(
+        label=label, start=low, end=high, step=step, format="0.00", **_sized(name, params)
+    )
+    return page.bind(name, widget, to_session=lambda value: round(value, 3))
+
+
+def int_slider(page: Page, name: str, label: str, start: int, end: int, **params: Any) -> pmui.IntSlider:
+    """Slider of a session integer; ``start`` and ``end`` may be narrower than its bounds."""
+    widget = pmui.IntSlider(label=label, start=start, end=end, **_sized(name, params))
+    return page.bind(name, widget, to_widget=lambda value: min(max(value, start), end))
+
+
+def toggle(page: Page, name: str, label: str, options: dict[str, str], **params: Any) -> Viewable:
+    """One of a few values as buttons side by side; ``options`` maps what is read to the value."""
+    widget = pmui.RadioButtonGroup(
+        options=options,
+        value=getattr(page.session, name),
+        size="small",
+        margin=0,
+        css_classes=[f"sd-{name}"],
+        sx={"& button": {"textTransform": "none", "whiteSpace": "nowrap"}},
+    )
+    page.bind(name, widget)
+    return pn.Column(caption(label), widget, margin=(4, 10), width_policy="min", **params)
+
+
+def select(page: Page, name: str, label: str, options: dict[str, Any], **params: Any) -> pmui.Select:
+    """One of several values as a menu."""
+    widget = pmui.Select(
+        label=label, options=options, value=getattr(page.session, name), **_sized(name, params)
+    )
+    return page.bind(name, widget)
+
+
+def stream_picker(page: Page) -> pmui.Select:
+    """Menu of the stream models that have complete ensembles."""
+    session = page.session
+    options = {stream.label: stream.key for stream in session.catalog.streams}
+    widget = pmui.Select(label="Stream", options=options, value=session.stream, **_sized("stream", {}))
+    widget.param.watch(lambda event: session.choose_stream(event.new), "value")
+    return widget
+
+
+def ensemble_picker(page: Page) -> pmui.MultiChoice:
+    """Choice of the 2 to 4 mass ranges that are compared."""
+    session = page.session
+    stream = session.catalog.stream(session.stream)
+    options = {choice.label: choice.key for choice in stream.ensembles}
+    fewest = min(CLASSES_MIN, len(options))
+    widget = pmui.MultiChoice(
+        label=f"Mass ranges of the perturbers ({CLASSES_MIN} to {CLASSES_MAX})",
+        options=options,
+        value=list(session.mass),
+        **_sized("mass", {"width": 400}),
+    )
+
+    def picked(event: param.parameterized.Event) -> None:
+        if fewest <= len(event.new) <= CLASSES_MAX:
+            session.mass = [key for key in options.values() if key in event.new]
+        else:
+            widget.value = list(session.mass)
+
+    widget.param.watch(picked, "value")
+    return widget
+
+
+def noise_slider(page: Page) -> pmui.FloatSlider:
+    """Shot noise σ_ε per 0.2° bin, 0 to 1."""
+    return slider(page, "noise", "Shot noise σ_ε per 0.2° bin")
+
+
+def button(label: str, action: Callable[[], Any], **params: Any) -> pmui.Button:
+    """A button that calls ``action()``."""
+    return pmui.Button(label=label, on_click=lambda _: action(), variant="outlined", **params)
+
+
+def caption(text: str) -> pmui.Typography:
+    """Small heading of a control that has none of its own."""
+    return pmui.Typography(html.escape(text), variant="caption", margin=0)
+
+
+def _sized(name: str, params: dict[str, Any]) -> dict[str, Any]:
+    return {"width": 260, "margin": (4, 10), "css_classes": [f"sd-{name}"], **params}
+
+
+# ---------------------------------------------------------------- layout
+
+
+def controls(*widgets: Viewable) -> Viewable:
+    """A page's controls: side by side where there is room, below one another on a phone."""
+    return pn.FlexBox(
+        *widgets, align_items="center", gap="4px 12px", sizing_mode=WIDE, css_classes=["sd-controls"]
+    )
+
+
+def page_layout(*parts: Viewable) -> Viewable:
+    """Controls, then cards, from top to bottom."""
+    return pn.Column(*parts, sizing_mode=WIDE, margin=(8, 8), css_classes=["sd-body"])
+
+
+def class_heading(index: int, choice: Choice) -> pn.pane.HTML:
+    """Name of a class with its colour: ``■ M0 · 10³–10⁵ M☉ · 2000 streams``."""
+    words = f"M{index} · {choice.label} · {choice.config.n_streams} streams"
+    return pn.pane.HTML(
+        f"<div style='font: 500 15px/1.5 Roboto, sans-serif'>"
+        f"<span style='color:{class_colour(index)}' aria-hidden='true'>■</span> {html.escape(words)}</div>",
+        margin=(6, 0, 0, 0),
+        css_classes=["sd-class"],
+    )
+
+
+def figure_cell(heading: Viewable, figure: UIElement) -> Viewable:
+    """A figure under its heading, for `figure_grid`."""
+    return pn.Column(heading, pn.pane.Bokeh(figure, sizing_mode=WIDE, margin=0), sizing_mode=WIDE, margin=0)
+
+
+def figure_grid(figures: Sequence[UIElement | Viewable], narrowest: int = 330) -> Viewable:
+    """Figures side by side, as many as fit at ``narrowest`` pixels each."""
+    panes = [
+        figure if isinstance(figure, Viewable) else pn.pane.Bokeh(figure, sizing_mode=WIDE, margin=0)
+        for figure in figures
+    ]
+    cells = [
+        pn.Column(pane, margin=0, styles={"flex": f"1 1 {narrowest}px", "min-width": "0"}) for pane in panes
+    ]
+    return pn.FlexBox(*cells, gap="12px", sizing_mode=WIDE, margin=0)
+
+
+class FigureCard:
+    """A figure with heading, sentence, downloads and the code that makes it.
+
+    Parameters
+    ----------
+    title
+        Heading.
+    figures
+        One Bokeh figure or Panel object, or several shown side by side.
+    name
+        Stem of the downloaded files' names; ``sd-card-<name>`` is the card's CSS class.
+    image
+        Called with ``"png"`` or ``"svg"``; returns the bytes of the figure as it is now.
+    table
+        Returns the figure's numbers as they are now, units in the column names.
+    code
+        Returns the lines of Python that make the figure as it is now.
+    legend
+        Shown between heading and figure.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        figures: Any,
+        *,
+        name: str,
+        image: Callable[[str], bytes],
+        table: Callable[[], pd.DataFrame],
+        code: Callable[[], str],
+        legend: Viewable | None = None,
+    ) -> None:
+        self._code = code
+        self._sentence = LiveText(sizing_mode=WIDE, margin=(6, 0), css_classes=["sd-sentence"])
+        self._listing = pn.pane.HTML("", sizing_mode=WIDE, margin=0, css_classes=["sd-code"])
+        figures = figures if isinstance(figures, list | tuple) else [figures]
+        heading = pmui.Typography(html.escape(title), variant="h6", margin=0, sx={"flex": "1 1 auto"})
+        files = [
+            _download(f"streamdash-{name}.{kind}", kind, make)
+            for kind, make in (
+                ("png", lambda: image("png")),
+                ("svg", lambda: image("svg")),
+                ("csv", lambda: table().to_csv(index=False, float_format="%.6g").encode()),
+            )
+        ]
+        self._accordion = pmui.Accordion(
+            ("Show the code", self._listing),
+            title_variant="body2",
+            disable_gutters=True,
+            sizing_mode=WIDE,
+            margin=0,
+            elevation=0,
+            css_classes=["sd-show-code"],
+        )
+        self._accordion.param.watch(lambda _: self._list(), "active")
+        head = pn.FlexBox(heading, *files, align_items="center", gap="4px", sizing_mode=WIDE, margin=0)
+        self.view = pmui.Paper(
+            head,
+            *([legend] if legend else []),
+            figure_grid(figures),
+            self._sentence,
+            self._accordion,
+            elevation=0,
+            variant="outlined",
+            sizing_mode=WIDE,
+            margin=(8, 0),
+            sx={"p": "12px 16px"},
+            css_classes=["sd-card", f"sd-card-{name}"],
+        )
+
+    def say(self, sentence: str) -> None:
+        """Set the sentence under the figure; also refreshes the code where it is open."""
+        self._sentence.text = sentence
+        self._list()
+
+    def _list(self) -> None:
+        if self._accordion.active:
+            self._listing.object = f"<pre tabindex='0'><code>{html.escape(self._code())}</code></pre>"
+
+
+def _download(filename: str, kind: str, make: Callable[[], bytes]) -> pmui.FileDownload:
+    return pmui.FileDownload(
+        callback=lambda: io.BytesIO(make()),
+        filename=filename,
+        label=kind.upper(),
+        variant="text",
+        size="small",
+        margin=0,
+        css_classes=[f"sd-download-{kind}"],
+    )
+
+
+def legend(entries: Sequence[tuple[str, str]]) -> pn.pane.HTML:
+    """A line of swatches: (CSS of the swatch, words)."""
+    items = "".join(
+        f"<span class='item'><span class='swatch' style='{html.escape(css)}'></span>"
+        f"{html.escape(words)}</span>"
+        for css, words in entries
+    )
+    return pn.pane.HTML(
+        f"<div class='legend'>{items}</div>", stylesheets=[LEGEND_STYLE], sizing_mode=WIDE, margin=(4, 0)
+    )
+
+
+LEGEND_STYLE = """
+.legend { display: flex; flex-wrap: wrap; gap: 4px 18px; font: 13px/1.5 Roboto, sans-serif; }
+.item { display: inline-flex; align-items: center; gap: 6px; }
+.swatch { display: inline-block; width: 22px; height: 0; border-top: 2px solid currentColor; }
+"""

@@ -1,0 +1,1 @@
+"""Figures: HoloViews elements, one file a figure. The only library code that imports HoloViews."""

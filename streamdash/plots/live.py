@@ -1,0 +1,91 @@
+"""HoloViews figures that stay: declared once, then fed new arrays; and the same figures as files."""
+
+from __future__ import annotations
+
+import functools
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import holoviews as hv
+import numpy as np
+from bokeh.models import ColumnDataSource
+
+from streamdash.plots.style import INK
+
+Backend = Literal["bokeh", "matplotlib"]
+Columns = Mapping[str, Mapping[str, np.ndarray]]
+"""New data of a figure: element label → column name → array."""
+
+
+@functools.cache
+def use(backend: Backend) -> Any:
+    """Load a HoloViews backend once and return its renderer (Matplotlib takes a second)."""
+    hv.extension(backend, logo=False)
+    renderer = hv.renderer(backend)
+    if backend == "bokeh":
+        renderer.webgl = False  # without a GPU one paint takes 15 s
+    return renderer
+
+
+class LiveFigure:
+    """A Bokeh figure made once from HoloViews elements, whose data can be replaced.
+
+    Parameters
+    ----------
+    overlay
+        Element or overlay; every element that is to be patched needs a label of its own.
+    ink
+        Labels of elements drawn in the page's ink, to be recoloured with `set_ink`.
+
+    Attributes
+    ----------
+    figure : bokeh.plotting.figure
+    sources : dict of str to ColumnDataSource
+        By element label. HoloViews owns the column names: dimension names for a Curve,
+        ``x, y`` for an Area (upper edge, then lower edge backwards), ``image`` for an Image.
+    """
+
+    def __init__(self, overlay: hv.Element | hv.Overlay, ink: Sequence[str] = ()) -> None:
+        plot = use("bokeh").get_plot(overlay)
+        parts = list(plot.subplots.values()) if getattr(plot, "subplots", None) else [plot]
+        self.figure = plot.state
+        self.sources: dict[str, ColumnDataSource] = {}
+        self._inked = []
+        for part in parts:
+            label = part.hmap.last.label
+            self.sources[label] = part.handles["source"]
+            if label in ink:
+                self._inked.append(part.handles["glyph"])
+
+    def patch(self, columns: Columns) -> None:
+        """Write new arrays; columns that are not named keep their data.
+
+        Raises
+        ------
+        KeyError
+            When the figure has no such element or column.
+        """
+        for label, new in columns.items():
+            source = self.sources[label]
+            unknown = new.keys() - source.data.keys()
+            if unknown:
+                raise KeyError(f"{label!r} has no column {sorted(unknown)}, only {sorted(source.data)}")
+            source.data = {**source.data, **new}
+
+    def set_ink(self, dark: bool) -> None:
+        """Recolour the inked elements for a dark or a light page."""
+        for glyph in self._inked:
+            glyph.line_color = INK["dark" if dark else "light"]
+
+
+def area_columns(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> dict[str, np.ndarray]:
+    """Columns of an Area between two curves: out along the upper one, back along the lower one."""
+    return {"x": np.concatenate([x, x[::-1]]), "y": np.concatenate([high, low[::-1]])}
+
+
+def export(figure: hv.Element | hv.Overlay | hv.Layout, kind: str) -> bytes:
+    """A figure declared for Matplotlib as the bytes of a ``png`` or ``svg`` file."""
+    buffer = io.BytesIO()
+    use("matplotlib").save(figure, buffer, fmt=kind)
+    return buffer.getvalue()

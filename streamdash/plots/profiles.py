@@ -1,0 +1,227 @@
+"""Profiles along the stream: all of an ensemble, a few highlighted, median and band (paper figs. 1–2).
+
+Thousands of curves are drawn as an image of how many pass through each cell. Noise is added per
+0.2° bin of Galactic longitude, whatever coordinate the profiles are drawn against.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import holoviews as hv
+import numpy as np
+import pandas as pd
+
+from streamdash.config import EnsembleConfig
+from streamdash.plots.live import Backend, area_columns, use
+from streamdash.plots.style import (
+    COORDINATE_LABELS,
+    INK,
+    class_colour,
+    model_text,
+    rising_alpha,
+)
+from streamdash.store import Cache
+from streamdash.survey_bands import Panel, collect, compute
+
+QUANTITY_LABELS = {
+    "q_rho": "Qρ = ρ / ρ̄",
+    "rho": "ρ (units of ρ̄ at the progenitor)",
+    "omega": "⟨Ω∥⟩ (rad/Gyr)",
+}
+SMOOTH, MEDIAN, BAND_LABEL, HIGHLIGHTS, STREAMS = "smooth", "median", "band", "highlighted", "streams"
+"""Labels of a panel's elements."""
+
+
+def profiles_figure(
+    cache: Cache,
+    ensembles: Sequence[str | EnsembleConfig],
+    quantity: str = "q_rho",
+    coordinate: str = "ell",
+    noise: float = 0.0,
+    highlight: int = 3,
+    seed: int = 0,
+    backend: Backend = "matplotlib",
+) -> hv.Layout:
+    """One panel per ensemble: all profiles, some highlighted, median, 68 % band, smooth stream.
+
+    Parameters
+    ----------
+    cache
+        Where the ensembles and the stream's geometry are.
+    ensembles
+        Keys or configurations, lowest masses first.
+    quantity
+        ``q_rho``, ``rho`` or ``omega``.
+    coordinate
+        ``theta``, ``ell`` or ``phi1``.
+    noise
+        Shot noise σ_ε per 0.2° bin; it does not act on ``omega``.
+    highlight, seed
+        How many random streams to highlight, and the seed that picks them.
+    backend
+        ``matplotlib`` for files, ``bokeh`` for the browser.
+
+    Returns
+    -------
+    holoviews.Layout
+    """
+    # Collect
+    profiles = [collect(cache, ensemble, quantity) for ensemble in ensembles]
+    # Compute
+    panels = [compute(binned, i, coordinate, noise, highlight, seed) for i, binned in enumerate(profiles)]
+    # Plot
+    return layout(panels, backend)
+
+
+# ---------------------------------------------------------------- plot
+
+
+def layout(panels: Sequence[Panel], backend: Backend) -> hv.Layout:
+    """All panels, two in a row."""
+    use(backend)
+    return hv.Layout([draw(panel, backend) for panel in panels]).cols(2)
+
+
+def draw(panel: Panel, backend: Backend) -> hv.Overlay:
+    """Declare one panel; in the browser its data are then replaced by `columns`."""
+    x_name, y_name = panel.coordinate, panel.quantity
+    x = hv.Dimension(x_name, label=x_name)
+    y = hv.Dimension(y_name, label=y_name)
+    data = columns(panel)
+    image = hv.Image(panel.image[::-1], bounds=panel.extent, kdims=[x, y], vdims=["shade"], label=STREAMS)
+    band = hv.Area((panel.x, panel.low, panel.high), x, ["low", "high"], label=BAND_LABEL)
+    smooth = hv.Curve((panel.x, panel.smooth), x, y, label=SMOOTH)
+    median = hv.Curve(data[MEDIAN], x_name, [y_name, "low", "high", "smooth"], label=MEDIAN)
+    chosen = hv.Curve(data[HIGHLIGHTS], x_name, [y_name, "stream"], label=HIGHLIGHTS)
+    # Not by group and label: a specification that fits nothing is ignored without a word.
+    styles = _styles(panel, backend)
+    parts = [image, band, chosen, smooth, median]
+    overlay = hv.Overlay([part.opts(backend=backend, **styles[part.label]) for part in parts])
+    return overlay.opts(backend=backend, **styles["frame"])
+
+
+def columns(panel: Panel) -> dict[str, dict[str, np.ndarray]]:
+    """A panel's arrays by element label and column name, for `LiveFigure.patch`."""
+    x_name, y_name = panel.coordinate, panel.quantity
+    length = len(panel.x) + 1  # a NaN after each profile lifts the pen
+    lines = np.full((len(panel.streams), length), np.nan)
+    lines[:, :-1] = panel.highlighted
+    return {
+        STREAMS: {"image": [panel.image]},
+        BAND_LABEL: area_columns(panel.x, panel.low, panel.high),
+        SMOOTH: {x_name: panel.x, y_name: panel.smooth},
+        MEDIAN: {
+            x_name: panel.x,
+            y_name: panel.median,
+            "low": panel.low,
+            "high": panel.high,
+            "smooth": panel.smooth,
+        },
+        HIGHLIGHTS: {
+            x_name: np.tile(np.append(panel.x, np.nan), len(panel.streams)),
+            y_name: lines.ravel(),
+            "stream": np.repeat(panel.streams, length).astype(np.int32),
+        },
+    }
+
+
+def _styles(panel: Panel, backend: Backend) -> dict[str, dict]:
+    """HoloViews options of each element, by label, and of the ``frame``."""
+    colour, ink = class_colour(panel.index), INK["light"]
+    shades = {"cmap": rising_alpha(), "clim": (0, 255)}
+    left, low, right, high = panel.extent
+    frame = {
+        "xlabel": COORDINATE_LABELS[panel.coordinate],
+        "ylabel": QUANTITY_LABELS[panel.quantity],
+        "xlim": (left, right),
+        "ylim": (low, high),
+        "show_legend": False,
+    }
+    if backend == "matplotlib":
+        title = model_text(panel.index, panel.config.perturbers.mass_range)
+        return {
+            STREAMS: shades,
+            BAND_LABEL: {"color": colour, "alpha": 0.25, "linewidth": 0},
+            HIGHLIGHTS: {"color": colour, "linewidth": 0.8},
+            SMOOTH: {"color": ink, "linestyle": "--", "linewidth": 1},
+            MEDIAN: {"color": ink, "linewidth": 1.6},
+            "frame": {**frame, "title": title, "fig_inches": 5, "aspect": 1.8},
+        }
+    where = (COORDINATE_LABELS[panel.coordinate], f"@{{{panel.coordinate}}}{{0.00}}")
+    value = f"@{{{panel.quantity}}}{{0.000}}"
+    return {
+        STREAMS: shades,
+        BAND_LABEL: {"color": colour, "alpha": 0.3, "line_alpha": 0},
+        HIGHLIGHTS: {
+            "color": colour,
+            "line_width": 1.4,
+            "tools": ["hover"],
+            "hover_tooltips": [("stream number", "@stream"), where, (frame["ylabel"], value)],
+        },
+        SMOOTH: {"color": ink, "line_dash": "dashed", "line_width": 1.5},
+        MEDIAN: {
+            "color": ink,
+            "line_width": 2,
+            "tools": ["hover"],
+            "hover_mode": "vline",
+            "hover_tooltips": [
+                where,
+                ("median of " + frame["ylabel"], value),
+                ("68 % of streams", "@low{0.000} to @high{0.000}"),
+                ("smooth stream", "@smooth{0.000}"),
+            ],
+        },
+        "frame": {**frame, "responsive": True, "height": 330, "toolbar": "above"},
+    }
+
+
+# ---------------------------------------------------------------- words and numbers
+
+
+def table(panels: Sequence[Panel]) -> pd.DataFrame:
+    """The numbers of a figure: per class and bin the quantiles, the smooth stream, the highlights."""
+    units = {"theta": "theta_rad", "ell": "ell_deg", "phi1": "phi1_deg"}
+    parts = []
+    for panel in panels:
+        part = {
+            "model": f"M{panel.index}",
+            "mass_range_msun": panel.config.perturbers.label,
+            units[panel.coordinate]: panel.x,
+            "smooth": panel.smooth,
+            "quantile_16": panel.low,
+            "median": panel.median,
+            "quantile_84": panel.high,
+        }
+        # Numbered by rank: the numbers of the streams differ between classes.
+        for rank, line in enumerate(panel.highlighted):
+            part[f"highlight_{rank + 1}"] = line
+            part[f"highlight_{rank + 1}_stream"] = panel.streams[rank]
+        parts.append(pd.DataFrame(part))
+    return pd.concat(parts, ignore_index=True)
+
+
+def sentence(panels: Sequence[Panel]) -> str:
+    """What the figure shows now, in words."""
+    first = panels[0]
+    names = {
+        "q_rho": "density relative to the smooth stream, Qρ,",
+        "rho": "density ρ",
+        "omega": "mean parallel frequency ⟨Ω∥⟩",
+    }
+    axes = {"ell": "Galactic longitude ℓ", "theta": "parallel angle θ∥", "phi1": "GD-1 longitude φ₁"}
+    noise = (
+        f" with shot noise σ_ε = {first.noise:g} per 0.2° bin"
+        if first.quantity != "omega"
+        else " (shot noise does not act on it)"
+    )
+    widths = []
+    for panel in panels:
+        half = float(np.mean(panel.high - panel.low)) / 2
+        widths.append(f"{model_text(panel.index, panel.config.perturbers.mass_range)}: ±{half:.3f}")
+    chosen = f" Coloured: {len(first.streams)} random streams of each class." if len(first.streams) else ""
+    return (
+        f"The {names[first.quantity]} along {axes[first.coordinate]}{noise}. "
+        f"Half-width of the band that holds 68 % of the streams, averaged along the stream: "
+        f"{'; '.join(widths)}.{chosen}"
+    )
