@@ -64,7 +64,7 @@ class LiveText(JSComponent):
     """
     _stylesheets = [
         """
-        .sd-live { margin: 0; font: 14px/1.5 Roboto, sans-serif; max-width: 75ch;
+        .sd-live { margin: 0; font: 14px/1.5 Roboto, sans-serif; max-width: 110ch;
                    color: var(--mui-palette-text-secondary, inherit); }
         """
     ]

@@ -118,7 +118,7 @@ class Shell:
 
     def _say_problems(self) -> None:
         sentences = [*self.session.problems, *self.session.catalog.problems]
-        self.messages[:] = [ui.message(text, "warning") for text in sentences]
+        self.messages[:] = [ui.message(sentences, "warning")] if sentences else []
 
     def close(self) -> None:
         """Close the open page; the server calls this when the browser has gone."""

@@ -19,19 +19,22 @@ from app.catalog import CLASSES_MAX, CLASSES_MIN, Choice
 from app.pages.base import Page
 from streamdash.plots.style import class_colour
 
+
+def _palette(primary: str, page: str, paper: str, bar: str) -> dict[str, Any]:
+    bar_style = {"root": {"backgroundColor": bar, "color": "#ffffff", "backgroundImage": "none"}}
+    return {
+        "palette": {"primary": {"main": primary}, "background": {"default": page, "paper": paper}},
+        "components": {
+            "MuiAppBar": {"styleOverrides": bar_style},
+            "MuiTab": {"styleOverrides": {"root": {"textTransform": "none", "fontSize": "15px"}}},
+            "MuiToggleButton": {"styleOverrides": {"root": {"textTransform": "none"}}},
+        },
+    }
+
+
 THEME = {
-    "light": {
-        "palette": {
-            "primary": {"main": "#17456b"},
-            "background": {"default": "#f4f6f8", "paper": "#ffffff"},
-        }
-    },
-    "dark": {
-        "palette": {
-            "primary": {"main": "#8cc4f0"},
-            "background": {"default": "#0f1419", "paper": "#181f26"},
-        }
-    },
+    "light": _palette("#17456b", "#ffffff", "#ffffff", "#17456b"),
+    "dark": _palette("#8cc4f0", "#12181e", "#12181e", "#1b2a38"),
 }
 STYLE = ":focus-visible { outline: 3px solid #e69f00 !important; outline-offset: 2px; }"
 WIDE = "stretch_width"
@@ -84,7 +87,6 @@ def navigation(pages: Sequence[tuple[str, Viewable]], active: int) -> pmui.Tabs:
         sizing_mode=WIDE,
         margin=0,
         css_classes=["sd-nav"],
-        sx={"& .MuiTab-root": {"textTransform": "none", "fontSize": "15px"}},
     )
 
 
@@ -96,32 +98,35 @@ def plain_text(text: str, **params: Any) -> pn.pane.HTML:
     return pn.pane.HTML(html.escape(text), **{"sizing_mode": WIDE, **params})
 
 
-def message(sentence: str, kind: str = "info") -> pmui.Alert:
-    """A sentence in a coloured bar that can be closed; ``kind`` is info, warning or error."""
-    return pmui.Alert(
-        html.escape(sentence),
-        severity=kind,
-        closeable=True,
-        sizing_mode=WIDE,
-        css_classes=["sd-message", f"sd-{kind}"],
-    )
+def message(sentences: Sequence[str], kind: str = "info") -> pmui.Alert:
+    """Sentences in a coloured bar that can be closed; ``kind`` is info, warning or error."""
+    return _alert("<br>".join(map(html.escape, sentences)), kind, "sd-message", closeable=True)
 
 
 def error_state(sentence: str) -> pmui.Alert:
     """What takes the place of a page or panel that cannot be shown."""
+    return _alert(html.escape(sentence), "error", "sd-error-state")
+
+
+def _alert(markup: str, kind: str, css_class: str, **params: Any) -> pmui.Alert:
     return pmui.Alert(
-        html.escape(sentence), severity="error", sizing_mode=WIDE, css_classes=["sd-error-state"]
+        markup,
+        severity=kind,
+        sizing_mode=WIDE,
+        margin=(8, 16),
+        sx={"py": "2px", "& p": {"m": 0}},
+        css_classes=[css_class, f"sd-{kind}"],
+        **params,
     )
 
 
 def no_ensembles() -> pmui.Alert:
     """What a page shows when the cache holds nothing to show."""
-    return pmui.Alert(
+    return _alert(
         "There are no simulated streams in the cache yet. "
         "Run <code>streamdash simulate --mass 1e3-1e5</code> and reload this page.",
-        severity="info",
-        sizing_mode=WIDE,
-        css_classes=["sd-empty-state"],
+        "info",
+        "sd-empty-state",
     )
 
 
@@ -151,7 +156,7 @@ def toggle(page: Page, name: str, label: str, options: dict[str, str], **params:
         size="small",
         margin=0,
         css_classes=[f"sd-{name}"],
-        sx={"& button": {"textTransform": "none", "whiteSpace": "nowrap"}},
+        sx={"& button": {"whiteSpace": "nowrap"}},
     )
     page.bind(name, widget)
     return pn.Column(caption(label), widget, margin=(4, 10), width_policy="min", **params)
@@ -184,7 +189,11 @@ def ensemble_picker(page: Page) -> pmui.MultiChoice:
         label=f"Mass ranges of the perturbers ({CLASSES_MIN} to {CLASSES_MAX})",
         options=options,
         value=list(session.mass),
-        **_sized("mass", {"width": 400}),
+        sizing_mode=WIDE,
+        max_width=460,
+        styles={"flex": "1 1 300px"},
+        margin=(4, 10),
+        css_classes=["sd-mass"],
     )
 
     def picked(event: param.parameterized.Event) -> None:
@@ -351,20 +360,40 @@ def _download(filename: str, kind: str, make: Callable[[], bytes]) -> pmui.FileD
     )
 
 
-def legend(entries: Sequence[tuple[str, str]]) -> pn.pane.HTML:
-    """A line of swatches: (CSS of the swatch, words)."""
+def legend(entries: Sequence[tuple[str, str]], classes: int) -> pn.pane.HTML:
+    """A line of swatches and words above a figure.
+
+    Parameters
+    ----------
+    entries
+        Kind of swatch and words; kinds are ``image``, ``band``, ``line``, ``ink`` and ``dashes``.
+        Bands and lines show the colours of all classes.
+    classes
+        Number of classes shown.
+    """
     items = "".join(
-        f"<span class='item'><span class='swatch' style='{html.escape(css)}'></span>"
-        f"{html.escape(words)}</span>"
-        for css, words in entries
+        f"<span class='item'><span class='swatch {html.escape(kind)}'></span>{html.escape(words)}</span>"
+        for kind, words in entries
+    )
+    share = 100 / max(classes, 1)
+    stripes = ", ".join(
+        f"{class_colour(i)} {i * share:.0f}% {(i + 1) * share:.0f}%" for i in range(max(classes, 1))
     )
     return pn.pane.HTML(
-        f"<div class='legend'>{items}</div>", stylesheets=[LEGEND_STYLE], sizing_mode=WIDE, margin=(4, 0)
+        f"<div class='legend' style='--classes: linear-gradient(90deg, {stripes})'>{items}</div>",
+        stylesheets=[LEGEND_STYLE],
+        sizing_mode=WIDE,
+        margin=(4, 0),
     )
 
 
 LEGEND_STYLE = """
 .legend { display: flex; flex-wrap: wrap; gap: 4px 18px; font: 13px/1.5 Roboto, sans-serif; }
 .item { display: inline-flex; align-items: center; gap: 6px; }
-.swatch { display: inline-block; width: 22px; height: 0; border-top: 2px solid currentColor; }
+.swatch { display: inline-block; width: 24px; height: 2px; }
+.image { height: 10px; background: linear-gradient(#8080801a, #808080e0, #8080801a); }
+.band { height: 10px; background: var(--classes); opacity: 0.4; }
+.line { background: var(--classes); }
+.ink { height: 3px; background: currentColor; }
+.dashes { height: 0; border-top: 2px dashed currentColor; }
 """

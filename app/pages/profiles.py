@@ -20,11 +20,11 @@ from streamdash.store import StoreError
 
 INKED = (profiles.MEDIAN, profiles.SMOOTH)
 LEGEND = (
-    ("border-top: 8px solid #80808080", "all simulated streams"),
-    ("border-top: 8px solid color-mix(in srgb, currentColor 25%, transparent)", "68 % of them"),
-    ("border-top-width: 3px", "median"),
-    ("border-top: 2px dashed", "smooth stream, no perturbers"),
-    ("border-top: 2px solid #0072B2", "highlighted streams, in class colour"),
+    ("image", "all simulated streams"),
+    ("band", "68 % of them"),
+    ("ink", "their median"),
+    ("line", "highlighted streams"),
+    ("dashes", "smooth stream without perturbers"),
 )
 REDRAW = frozenset({"x", "y"})
 """Changes of axes: they need new figures; all others only new data."""
@@ -47,7 +47,7 @@ class ProfilesPage(Page):
             image=lambda kind: export(self.layout(), kind),
             table=self.table,
             code=self.code,
-            legend=ui.legend(LEGEND),
+            legend=ui.legend(LEGEND, len(self.session.ensembles)),
         )
         self._draw()
         return ui.page_layout(self._controls(), self.card.view)

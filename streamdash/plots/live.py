@@ -28,6 +28,10 @@ def use(backend: Backend) -> Any:
     return renderer
 
 
+TOOLS = {"default_tools": ["pan", "box_zoom", "wheel_zoom", "reset"], "active_tools": [], "toolbar": "above"}
+"""HoloViews options of an overlay for the browser: nothing grabs a page that is being scrolled."""
+
+
 class LiveFigure:
     """A Bokeh figure made once from HoloViews elements, whose data can be replaced.
 
@@ -50,6 +54,7 @@ class LiveFigure:
         plot = use("bokeh").get_plot(overlay)
         parts = list(plot.subplots.values()) if getattr(plot, "subplots", None) else [plot]
         self.figure = plot.state
+        self.figure.toolbar.logo = None
         self.sources: dict[str, ColumnDataSource] = {}
         self._inked = []
         for part in parts:

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from streamdash.config import EnsembleConfig
-from streamdash.plots.live import Backend, area_columns, use
+from streamdash.plots.live import TOOLS, Backend, area_columns, use
 from streamdash.plots.style import (
     COORDINATE_LABELS,
     INK,
@@ -155,7 +155,7 @@ def _styles(panel: Panel, backend: Backend) -> dict[str, dict]:
         BAND_LABEL: {"color": colour, "alpha": 0.3, "line_alpha": 0},
         HIGHLIGHTS: {
             "color": colour,
-            "line_width": 1.4,
+            "line_width": 1.2,
             "tools": ["hover"],
             "hover_tooltips": [("stream number", "@stream"), where, (frame["ylabel"], value)],
         },
@@ -172,7 +172,7 @@ def _styles(panel: Panel, backend: Backend) -> dict[str, dict]:
                 ("smooth stream", "@smooth{0.000}"),
             ],
         },
-        "frame": {**frame, "responsive": True, "height": 330, "toolbar": "above"},
+        "frame": {**frame, "responsive": True, "height": 330, **TOOLS},
     }
 
 
