@@ -1,0 +1,248 @@
+"""ln B per bin of PDF(Qρ) with its method error (paper fig. 5), and its growth with the streams."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import holoviews as hv
+import numpy as np
+import pandas as pd
+
+from streamdash.config import EnsembleConfig
+from streamdash.evidence import Comparison, compare, jeffreys
+from streamdash.evidence_checks import Growth
+from streamdash.plots.elements import (
+    error_bars,
+    framed,
+    grey_spans,
+    hover_spans,
+    level_lines,
+    line,
+    nice_top,
+    points,
+    runs,
+)
+from streamdash.plots.live import Backend, Columns, use
+from streamdash.plots.pdf import BINS, EXCLUDED, Q_LABEL, collect, frame
+from streamdash.plots.style import class_colour, model_text
+from streamdash.store import Cache
+
+LEVELS = (-5.0, -2.5, -1.0, 1.0, 2.5, 5.0)
+"""Jeffreys' limits of weak, moderate and strong evidence, drawn dashed."""
+APART = 0.16
+"""Distance between the dots of neighbouring models, in widths of a bin."""
+
+
+def evidence_figure(
+    cache: Cache,
+    ensembles: Sequence[str | EnsembleConfig],
+    fiducial: int = 0,
+    noise: float = 0.1,
+    n_bin: int = 20,
+    backend: Backend = "matplotlib",
+) -> hv.Overlay:
+    """ln B^{fid i}_ij of every bin α against each other model j (paper fig. 5).
+
+    Parameters
+    ----------
+    cache
+        Where the ensembles and the stream's geometry are.
+    ensembles
+        Keys or configurations, lowest masses first.
+    fiducial
+        Number of the model the data are assumed to come from, 0 for the lowest masses.
+    noise
+        Shot noise σ_ε per 0.2° bin.
+    n_bin
+        Number of bins in Qρ.
+    backend
+        ``matplotlib`` for files, ``bokeh`` for the browser.
+    """
+    # Collect
+    observed = [collect(cache, ensemble) for ensemble in ensembles]
+    # Compute
+    comparison = compare([o.noisy(noise) for o in observed], noise, n_bin)
+    # Plot
+    return draw(comparison, fiducial, [o.config for o in observed], backend)
+
+
+# ---------------------------------------------------------------- plot: ln B per bin
+
+
+def others(comparison: Comparison, fiducial: int) -> list[int]:
+    """The models that the fiducial one is compared with."""
+    return [j for j in range(comparison.n_models) if j != fiducial]
+
+
+def excluded_bins(comparison: Comparison, fiducial: int) -> np.ndarray:
+    """Bins α left out of the sum against every other model, (n_bin,) of bool."""
+    kept = [comparison.evidence.kept(fiducial, fiducial, j) for j in others(comparison, fiducial)]
+    return ~np.any(kept, axis=0)
+
+
+def draw(
+    comparison: Comparison,
+    fiducial: int,
+    configs: Sequence[EnsembleConfig],
+    backend: Backend,
+    title: str = "",
+) -> hv.Overlay:
+    """Declare the figure of ln B per bin; in the browser its data are then replaced by `columns`."""
+    use(backend)
+    data = columns(comparison, fiducial)
+    left, right = data[EXCLUDED]["x0"], data[EXCLUDED]["x1"]
+    parts: list[hv.Element] = [
+        grey_spans(EXCLUDED, left, right, backend),
+        level_lines("levels", LEVELS, backend),
+        level_lines("zero", [0.0], backend, dashed=False),
+    ]
+    for j in others(comparison, fiducial):
+        colour, dots, bars = class_colour(j), data[f"ln_b {j}"], data[f"error {j}"]
+        parts.append(error_bars(f"error {j}", bars["base"], bars["lower"], bars["upper"], colour, backend))
+        parts.append(points(f"ln_b {j}", dots["x"], dots["y"], colour, backend))
+    if backend == "bokeh":
+        names = [
+            (f"against {model_text(j, configs[j].perturbers.mass_range)}", f"@text{j}")
+            for j in others(comparison, fiducial)
+        ]
+        where = [("bin α", "@number"), ("Qρ", "@x0{0.000} to @x1{0.000}")]
+        parts.append(hover_spans(BINS, data[BINS], [*where, *names]))
+    ranges = y_frame(comparison, fiducial)
+    ylabel = f"ln B for M{fiducial}"
+    return framed(parts, Q_LABEL, ylabel, frame(comparison)["x"], ranges, backend, title)
+
+
+def columns(comparison: Comparison, fiducial: int) -> Columns:
+    """Arrays of the figure of ln B by element label and column name, for `LiveFigure.patch`."""
+    edges, evidence = comparison.edges, comparison.evidence
+    left, right = runs(edges, excluded_bins(comparison, fiducial))
+    bins = {"x0": edges[:-1], "x1": edges[1:], "number": np.arange(1, len(edges))}
+    result: dict[str, dict[str, np.ndarray]] = {EXCLUDED: {"x0": left, "x1": right}, BINS: bins}
+    rivals = others(comparison, fiducial)
+    for place, j in enumerate(rivals):
+        median, low, high = evidence.ln_bayes(fiducial, fiducial, j)
+        shift = APART * (place - 0.5 * (len(rivals) - 1)) * (edges[1] - edges[0])
+        x = comparison.centers + shift
+        result[f"ln_b {j}"] = {"x": x, "y": median}
+        result[f"error {j}"] = {"base": x, "lower": low, "upper": high}
+        kept = evidence.kept(fiducial, fiducial, j)
+        bins[f"text{j}"] = np.array(
+            [_bin_text(*values) for values in zip(median, low, high, kept, strict=True)]
+        )
+    return result
+
+
+def y_frame(comparison: Comparison, fiducial: int) -> tuple[float, float]:
+    """Range of ln B shown; it moves in steps and always holds 0 and 1."""
+    spread = [comparison.evidence.ln_bayes(fiducial, fiducial, j) for j in others(comparison, fiducial)]
+    values = np.concatenate([np.ravel(s) for s in spread])
+    values = values[np.isfinite(values)]
+    low, high = (values.min(), values.max()) if len(values) else (0.0, 1.0)
+    return -nice_top(max(-low, 0.4)), nice_top(max(high, 1.0))
+
+
+def _bin_text(median: float, low: float, high: float, kept: bool) -> str:
+    if not np.isfinite(median):
+        return "too few samples"
+    return f"{median:.2f} ({low:.2f} to {high:.2f}){'' if kept else ', excluded'}"
+
+
+# ---------------------------------------------------------------- plot: growth with the streams
+
+
+def draw_growth(curves: Mapping[int, Growth], backend: Backend, title: str = "") -> hv.Overlay:
+    """Σ ln B from ever more simulated streams, one line for each model compared with."""
+    use(backend)
+    data = growth_columns(curves)
+    parts: list[hv.Element] = []
+    for j in curves:
+        colour, bars, dots = class_colour(j), data[f"error {j}"], data[f"growth {j}"]
+        parts.append(error_bars(f"error {j}", bars["base"], bars["lower"], bars["upper"], colour, backend))
+        parts.append(line(f"growth {j}", dots["x"], dots["y"], colour, backend))
+        parts.append(points(f"dots {j}", dots["x"], dots["y"], colour, backend))
+    x, y = growth_frame(curves)
+    return framed(parts, "simulated streams per class", "Σ ln B over bins", x, y, backend, title)
+
+
+def growth_columns(curves: Mapping[int, Growth]) -> Columns:
+    """Arrays of the figure of growth by element label and column name."""
+    result: dict[str, dict[str, np.ndarray]] = {}
+    for j, curve in curves.items():
+        x = curve.n_streams.astype(float)
+        scatter = np.nan_to_num(curve.scatter)
+        result[f"growth {j}"] = {"x": x, "y": curve.mean}
+        result[f"dots {j}"] = {"x": x, "y": curve.mean}
+        result[f"error {j}"] = {"base": x, "lower": curve.mean - scatter, "upper": curve.mean + scatter}
+    return result
+
+
+def growth_frame(curves: Mapping[int, Growth]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Ranges of the axes of the figure of growth."""
+    most = max(float(curve.n_streams[-1]) for curve in curves.values())
+    ends = [
+        (curve.mean - np.nan_to_num(curve.scatter), curve.mean + np.nan_to_num(curve.scatter))
+        for curve in curves.values()
+    ]
+    low = min(float(a.min()) for a, _ in ends)
+    high = max(float(b.max()) for _, b in ends)
+    bottom = -nice_top(-low) if low < 0 else 0.0
+    return (0.0, most * 1.04), (bottom, nice_top(max(high, 1.0)))
+
+
+# ---------------------------------------------------------------- words and numbers
+
+
+def table(comparison: Comparison, fiducial: int, configs: Sequence[EnsembleConfig]) -> pd.DataFrame:
+    """The numbers of the figure of ln B: per bin and model compared with, value, error and exclusion."""
+    evidence = comparison.evidence
+    parts = []
+    for j in others(comparison, fiducial):
+        median, low, high = evidence.ln_bayes(fiducial, fiducial, j)
+        parts.append(
+            pd.DataFrame(
+                {
+                    "fiducial": f"M{fiducial}",
+                    "against": f"M{j}",
+                    "fiducial_mass_range_msun": configs[fiducial].perturbers.label,
+                    "against_mass_range_msun": configs[j].perturbers.label,
+                    "bin": np.arange(1, len(median) + 1),
+                    "q_rho_from": comparison.edges[:-1],
+                    "q_rho_to": comparison.edges[1:],
+                    "ln_bayes": median,
+                    "method_error_16": low,
+                    "method_error_84": high,
+                    "kept": evidence.kept(fiducial, fiducial, j),
+                }
+            )
+        )
+    return pd.concat(parts, ignore_index=True)
+
+
+def sentence(comparison: Comparison, fiducial: int, configs: Sequence[EnsembleConfig]) -> str:
+    """What the figure of ln B shows now, in words."""
+    evidence = comparison.evidence
+    parts = []
+    for j in others(comparison, fiducial):
+        total = evidence.cumulative(fiducial, fiducial, j)
+        name = model_text(j, configs[j].perturbers.mass_range)
+        if not total.n_kept:
+            parts.append(f"against {name} no bin can be compared")
+            continue
+        parts.append(
+            f"against {name} the {total.n_kept} bins that count give Σ ln B = {total.value:.1f}, "
+            f"{words(total.value)}, at most {total.largest:.2f} in one bin"
+        )
+    grey = int(excluded_bins(comparison, fiducial).sum())
+    return (
+        f"If the perturbers are {model_text(fiducial, configs[fiducial].perturbers.mass_range)}: "
+        f"{'; '.join(parts)}. {grey} of {len(comparison.centers)} bins are excluded (grey). "
+        "The sum ignores correlations between bins; bars are the spread over 10 to 500 bins of y."
+    )
+
+
+def words(ln_bayes: float) -> str:
+    """Jeffreys' word with its direction, for example ``strong evidence`` or ``weak, the wrong way``."""
+    word = jeffreys(ln_bayes)
+    if word == "inconclusive":
+        return word
+    return f"{word} evidence" if ln_bayes > 0 else f"{word} evidence the wrong way"
