@@ -11,6 +11,7 @@ import contextlib
 import logging
 import os
 import shutil
+import tempfile
 import uuid
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -132,6 +133,14 @@ class Cache:
             )
         return min(fits, key=lambda e: (e.shipped, e.path.name != name, SET_ASIDE in e.path.name))
 
+    def check_writable(self) -> None:
+        """Raise a `StoreError` when nothing can be written, before any work is done for it."""
+        root = self._writable()
+        with explained(root):
+            root.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=root):
+                pass
+
     # ------------------------------------------------------------ ensembles
 
     def open_ensemble(self, config_or_key: EnsembleConfig | str, n_streams: int | None = None) -> xr.Dataset:
@@ -211,7 +220,7 @@ class Cache:
         return None
 
     def save_geometry(self, stream: StreamModel, dataset: xr.Dataset, cost_s: float = 0.0) -> None:
-        """Store a geometry (any Dataset of numbers), in place of what is there.
+        """Store a geometry (any Dataset of numbers), unless an intact one is there already.
 
         Raises
         ------
@@ -226,6 +235,8 @@ class Cache:
         manifest = new_manifest("geometries", stream, geometry_label(stream), files, cost_s)
         with _lock(root, stream.key, timeout=-1), explained(root):
             if path.exists():
+                if not problems_of(path, "geometries"):
+                    return
                 set_aside(path)
             create(path, stream, manifest, files)
 

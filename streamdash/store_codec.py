@@ -72,11 +72,14 @@ def encode_chunk(
     """
     streams = chunk_streams(config, index)
     shape = (len(streams), config.n_theta)
+    density, omega = np.asarray(density), np.asarray(omega)
     for name, values in (("density", density), ("omega", omega)):
-        if np.shape(values) != shape:
-            raise ValueError(f"{name} of chunk {index} has shape {np.shape(values)}, not {shape}")
-        if not np.isfinite(values).all():
-            raise ValueError(f"{name} of chunk {index} is not finite everywhere")
+        if values.shape != shape:
+            raise ValueError(f"{name} of chunk {index} has shape {values.shape}, not {shape}")
+    if not np.isfinite(density).all():
+        raise ValueError(f"density of chunk {index} is not finite everywhere")
+    if not np.isfinite(omega[density > 0]).all():  # where there are no stars it may be undefined
+        raise ValueError(f"omega of chunk {index} is not finite where there are stars")
     if np.shape(n_impacts) != shape[:1]:
         raise ValueError(f"n_impacts of chunk {index} has shape {np.shape(n_impacts)}, not {shape[:1]}")
     files: dict[str, Buffer] = {}

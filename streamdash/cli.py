@@ -1,0 +1,38 @@
+"""The ``streamdash`` command. One module a command; this one puts them together."""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, version
+from typing import Annotated
+
+import typer
+
+from streamdash.cli_cache import cache_app
+from streamdash.cli_common import OneSentence
+from streamdash.cli_serve import serve_command
+from streamdash.cli_simulate import simulate_command
+from streamdash.cli_stream import stream_command
+
+app = typer.Typer(cls=OneSentence, no_args_is_help=True, pretty_exceptions_enable=False)
+app.command("serve")(serve_command)
+app.command("simulate")(simulate_command)
+app.command("stream")(stream_command)
+app.add_typer(cache_app, name="cache")
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        try:
+            print(f"streamdash {version('streamdash')}")
+        except PackageNotFoundError:
+            print("streamdash (a checkout that is not installed)")
+        raise typer.Exit
+
+
+@app.callback()
+def main(
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Stellar streams perturbed by dark-matter subhalos: simulate, look, classify."""

@@ -1,0 +1,263 @@
+"""Many simulated streams: one chunk function, run inline, in worker processes or on a cluster.
+
+Stream *i* has a random generator of its own, seeded by the ensemble's seed, the stream model, the
+perturbers and *i*: its impacts depend neither on the chunk it is computed in, nor on who computes
+it, nor on how many streams are asked for. The chunks that exist in the cache are the progress; what
+is missing is computed, in any order, and written by this process alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from functools import lru_cache
+
+import joblib
+import numpy as np
+import xarray as xr
+from threadpoolctl import threadpool_limits
+
+from streamdash.config import EnsembleConfig, StreamModel
+from streamdash.density import stream_profile
+from streamdash.geometry import Geometry, load_geometry
+from streamdash.impacts import expected_impacts, sample_impacts
+from streamdash.store import BusyError, Cache, StoreError, Writer
+from streamdash.store_codec import CHUNK, chunk_streams
+
+__all__ = ["CHUNK", "Estimate", "Stopped", "WorkerError", "estimate", "simulate", "stream_rng", "theta_grid"]
+
+Progress = Callable[[int, int], None]
+"""Called with how many are done, and how many there are."""
+
+BACKENDS = {"inline": "sequential", "processes": "loky"}
+BUSY_POLL_S = 0.5
+TIMING_S = 2.0
+"""An estimate of the cost times streams for about this long."""
+
+
+class Stopped(Exception):
+    """The simulation was asked to stop; every finished chunk is kept.
+
+    Attributes
+    ----------
+    done, total : int
+        Streams finished, and asked for.
+    """
+
+    def __init__(self, done: int, total: int) -> None:
+        super().__init__(f"Stopped with {done} of {total} streams finished; the same call resumes.")
+        self.done, self.total = done, total
+
+
+class WorkerError(RuntimeError):
+    """A worker process could not do its part; finished chunks are kept."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Consecutive streams: ``density`` and ``omega`` (n, n_theta), ``n_impacts`` (n,)."""
+
+    index: int
+    density: np.ndarray
+    omega: np.ndarray
+    n_impacts: np.ndarray
+    cost_s: float
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What an ensemble will cost: expected impacts of a stream, and its seconds on one core."""
+
+    impacts_per_stream: float
+    seconds_per_stream: float
+
+
+def simulate(
+    config: EnsembleConfig,
+    executor: str = "processes",
+    workers: int | None = None,
+    cache: Cache | None = None,
+    progress: Progress | None = None,
+    should_stop: Callable[[], bool] | None = None,
+    geometry_progress: Progress | None = None,
+) -> xr.Dataset:
+    """The ensemble of `config`: from the cache, or computed (what is missing of it) and kept there.
+
+    Parameters
+    ----------
+    config : EnsembleConfig
+    executor : {"inline", "processes", "dask"} or a joblib backend
+        This process, joblib's worker processes, or the Dask cluster of the active
+        ``distributed.Client``, whose workers must see the same cache folder.
+    workers : int, optional
+        How many worker processes; one per core by default.
+    cache : Cache, optional
+        The default cache when not given.
+    progress : callable, optional
+        Called with streams finished and asked for, once at first and after every chunk.
+    should_stop : callable, optional
+        Asked after every chunk; True ends the simulation with `Stopped`.
+    geometry_progress : callable, optional
+        Called with impact times finished and all, when the stream's geometry must be computed.
+
+    Returns
+    -------
+    xarray.Dataset
+        As `streamdash.store.Cache.open_ensemble` describes it. The same bytes for any executor,
+        number of workers and interruptions.
+
+    Raises
+    ------
+    Stopped
+        When `should_stop` said so.
+    StoreError
+        When the cache cannot be written to, for example on a full disk.
+    WorkerError
+        When a worker process was killed, for example for want of memory.
+    ValueError
+        When `executor` or `workers` cannot be used.
+    """
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers must be 1 or more (got {workers})")
+    cache = cache if cache is not None else Cache.default()
+    with contextlib.suppress(StoreError):  # not there, not finished or damaged
+        return cache.open_ensemble(config)
+    cache.check_writable()
+    stop = should_stop or (lambda: False)
+    geometry = load_geometry(
+        config.stream, cache, workers, _stopping(geometry_progress, stop, config.n_streams)
+    )
+    with _begin(cache, config, background(geometry, config), progress, stop) as writer:
+        _report(writer, progress, stop)
+        with contextlib.closing(_compute(config, writer.missing(), executor, workers, cache)) as chunks:
+            for chunk in chunks:
+                writer.write(chunk.index, chunk.density, chunk.omega, chunk.n_impacts, chunk.cost_s)
+                _report(writer, progress, stop)
+    return cache.open_ensemble(config)
+
+
+def estimate(config: EnsembleConfig, geometry: Geometry) -> Estimate:
+    """Expected impacts and measured cost of the streams of `config`, from its first few streams."""
+    compute_stream(geometry, config, 0)  # compiles what is not compiled yet
+    start = time.perf_counter()
+    count = 0
+    while count < 20 and (elapsed := time.perf_counter() - start) < TIMING_S:
+        count += 1
+        compute_stream(geometry, config, count)
+    elapsed = time.perf_counter() - start
+    return Estimate(expected_impacts(geometry, config.perturbers), elapsed / count)
+
+
+def theta_grid(config: EnsembleConfig) -> np.ndarray:
+    """Parallel angles (n_theta,) of an ensemble, rad."""
+    return np.linspace(config.theta_min, config.theta_max, config.n_theta)
+
+
+def background(geometry: Geometry, config: EnsembleConfig) -> xr.Dataset:
+    """The smooth stream on the ensemble's angles: ``smooth`` and ``omega_smooth`` over ``theta``."""
+    theta = theta_grid(config)
+    return xr.Dataset(
+        {
+            "smooth": ("theta", geometry.smooth_density(theta)),
+            "omega_smooth": ("theta", geometry.smooth_omega(theta)),
+        },
+        coords={"theta": theta},
+    )
+
+
+def stream_rng(config: EnsembleConfig, i: int) -> np.random.Generator:
+    """Random generator of stream `i`, the same whatever `n_streams`, angles and accuracy are."""
+    keys = config.stream.key + config.perturbers.key
+    words = [int(keys[j : j + 8], 16) for j in range(0, len(keys), 8)]
+    return np.random.default_rng(np.random.SeedSequence([config.seed, *words], spawn_key=(i,)))
+
+
+def compute_stream(geometry: Geometry, config: EnsembleConfig, i: int) -> tuple[np.ndarray, np.ndarray, int]:
+    """Density, mean frequency (n_theta,) and number of impacts of stream `i`."""
+    impacts = sample_impacts(geometry, config.perturbers, stream_rng(config, i))
+    density, omega = stream_profile(
+        geometry, impacts, theta_grid(config), config.perturbers.profile, config.accuracy
+    )
+    return density, omega, len(impacts)
+
+
+def compute_chunk(config: EnsembleConfig, index: int, cache: Cache) -> Chunk:
+    """Compute chunk `index`; what a worker process runs."""
+    geometry = _geometry(config.stream, cache)
+    start = time.perf_counter()
+    with threadpool_limits(limits=1):  # one core a worker, and sums in one order
+        streams = [compute_stream(geometry, config, i) for i in chunk_streams(config, index)]
+    density, omega, n_impacts = (np.array(part) for part in zip(*streams, strict=True))
+    return Chunk(index, density, omega, n_impacts, time.perf_counter() - start)
+
+
+@lru_cache(maxsize=2)
+def _geometry(stream: StreamModel, cache: Cache) -> Geometry:
+    dataset = cache.open_geometry(stream)
+    if dataset is None:  # computing it here would be done by every worker, at minutes each
+        raise WorkerError(
+            f"A worker does not find the stream's geometry in {cache.roots[-1]}; "
+            "all workers must see the same cache folder."
+        )
+    return Geometry.from_dataset(dataset, stream)
+
+
+def _compute(
+    config: EnsembleConfig, indices: list[int], executor: str, workers: int | None, cache: Cache
+) -> Generator[Chunk]:
+    """Chunks as they are finished, in any order."""
+    backend = BACKENDS.get(executor, executor)
+    limits = {"inner_max_num_threads": 1} if backend == "loky" else {}
+    n_jobs = 1 if backend == "sequential" else workers or -1
+    try:
+        with joblib.parallel_config(backend=backend, n_jobs=n_jobs, **limits):
+            parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
+            results = parallel(joblib.delayed(compute_chunk)(config, index, cache) for index in indices)
+            with contextlib.closing(results):
+                yield from results
+    except joblib.externals.loky.process_executor.TerminatedWorkerError as error:
+        raise WorkerError(
+            "A worker process was killed, perhaps for want of memory; what was finished is kept: "
+            "run this again with fewer workers to resume."
+        ) from error
+
+
+def _begin(
+    cache: Cache,
+    config: EnsembleConfig,
+    smooth: xr.Dataset,
+    progress: Progress | None,
+    stop: Callable[[], bool],
+) -> Writer:
+    """The writer, once no other process writes; meanwhile that process's progress is reported."""
+    while True:
+        try:
+            return cache.begin(config, smooth, timeout=BUSY_POLL_S)
+        except BusyError:
+            entry = cache.find(config.key)
+            if progress is not None:
+                progress(entry.n_done, config.n_streams)
+            if stop():
+                raise Stopped(entry.n_done, config.n_streams) from None
+
+
+def _report(writer: Writer, progress: Progress | None, stop: Callable[[], bool]) -> None:
+    done, total = writer.n_done, writer.config.n_streams
+    if progress is not None:
+        progress(done, total)
+    if done < total and stop():
+        raise Stopped(done, total)
+
+
+def _stopping(progress: Progress | None, stop: Callable[[], bool], n_streams: int) -> Progress:
+    """Progress of the geometry that can be stopped as well."""
+
+    def report(done: int, total: int) -> None:
+        if progress is not None:
+            progress(done, total)
+        if stop():
+            raise Stopped(0, n_streams)
+
+    return report
