@@ -1,0 +1,233 @@
+"""What the classifier looks at: principal components and summaries of an observed Qρ.
+
+The paper (§2.5 "Gradient Boosting classifier") standardises each longitude bin and keeps
+the first principal components. They describe *where* along the stream the density
+changes. The summaries describe *how*: the spread of Qρ and its quantiles at several
+smoothing scales, the power in each band of scales and in blocks along the stream, the
+power spectrum, and the histogram of Qρ. They do not depend on where a gap happens to
+lie, so a few thousand streams suffice to learn them.
+
+Everything is computed along the last axis and counted in bins, so any evenly ordered
+coordinate (l, φ1, θ∥) will do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, field_validator
+from scipy.ndimage import uniform_filter1d
+from sklearn.decomposition import PCA
+from sklearn.preprocessing import StandardScaler
+
+from streamdash.config import Config
+
+Summary = Literal["moments", "quantiles", "bands", "spectrum", "histogram"]
+ALL_SUMMARIES: tuple[Summary, ...] = ("moments", "quantiles", "bands", "spectrum", "histogram")
+
+QUANTILES = np.array([0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99])
+HISTOGRAM_EDGES = np.array([0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.4, 1.6, 1.8, 2.0, 2.5])
+N_BLOCKS = 6
+"""Stretches of the stream in which the power of each band is measured."""
+N_WAVENUMBERS = 15
+"""Logarithmic bins of the power spectrum."""
+POWER_FLOOR = 1e-6
+"""Added before the logarithm of a power, so that a constant profile has one."""
+
+
+class FeatureSet(Config):
+    """Which features a classifier is given."""
+
+    n_pca: int = Field(30, ge=0, le=1000, description="principal components kept; 0 for none")
+    summaries: tuple[Summary, ...] = Field(ALL_SUMMARIES, description="groups of summary features")
+    scales: tuple[int, ...] = Field(
+        (3, 7, 15, 31, 63, 127), max_length=12, description="smoothing widths in bins, increasing and odd"
+    )
+
+    @field_validator("scales")
+    @classmethod
+    def _check_scales(cls, value):
+        increasing = all(a < b for a, b in zip(value, value[1:], strict=False))
+        if not increasing or any(w < 3 or w % 2 == 0 for w in value):
+            raise ValueError("scales must be odd, at least 3 and increasing, for example (3, 7, 15)")
+        return value
+
+
+@dataclass(frozen=True, eq=False)
+class FeatureMap:
+    """From observed profiles to features; fitted on training streams only.
+
+    Attributes
+    ----------
+    features : FeatureSet
+        What is computed.
+    mean, scale : ndarray (n_bins,)
+        Mean and standard deviation of Qρ per bin over the training streams.
+    components : ndarray (n_pca, n_bins)
+        Principal components of the standardised profiles.
+    variance : ndarray (n_pca,)
+        Share of the total variance that each component explains.
+    """
+
+    features: FeatureSet
+    mean: np.ndarray
+    scale: np.ndarray
+    components: np.ndarray
+    variance: np.ndarray
+
+    @classmethod
+    def fit(cls, q: np.ndarray, features: FeatureSet) -> FeatureMap:
+        """Fit StandardScaler and PCA to training profiles.
+
+        Parameters
+        ----------
+        q : ndarray (n_streams, n_bins)
+            Observed (noisy) Qρ of the training streams.
+        features : FeatureSet
+            What to compute. No more components are kept than the data have.
+        """
+        scaler = StandardScaler().fit(q.astype(np.float64))
+        n_pca = min(features.n_pca, *q.shape)
+        if n_pca == 0:
+            components, variance = np.zeros((0, q.shape[1])), np.zeros(0)
+        else:
+            # covariance_eigh is exact, quick for n_bins << n_streams, and has no random start
+            pca = PCA(n_pca, svd_solver="covariance_eigh").fit(scaler.transform(q.astype(np.float64)))
+            components, variance = pca.components_, pca.explained_variance_ratio_
+        return cls(features, scaler.mean_, scaler.scale_, components, variance)
+
+    @property
+    def n_bins(self) -> int:
+        """Number of bins a profile must have."""
+        return len(self.mean)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the features, in order."""
+        names = [f"PC {i + 1}" for i in range(len(self.components))]
+        for summary in self.features.summaries:
+            names += _names(summary, _widths(self.features, self.n_bins))
+        return names
+
+    def __call__(self, q: np.ndarray) -> np.ndarray:
+        """Features of observed profiles.
+
+        Parameters
+        ----------
+        q : ndarray (n_streams, n_bins)
+
+        Returns
+        -------
+        ndarray (n_streams, n_features), float32
+        """
+        scores = ((q - self.mean) / self.scale) @ self.components.T
+        columns = [scores.astype(np.float32)]
+        if self.features.summaries:
+            columns.append(summarise(q, self.features))
+        return np.concatenate(columns, axis=1)
+
+
+def summarise(q: np.ndarray, features: FeatureSet) -> np.ndarray:
+    """Summary features of profiles.
+
+    Parameters
+    ----------
+    q : ndarray (n_streams, n_bins)
+        Observed Qρ.
+
+    Returns
+    -------
+    ndarray (n_streams, n_features), float32
+        The groups of ``features.summaries`` one after the other.
+    """
+    q = np.asarray(q, np.float32)
+    widths = _widths(features, q.shape[1])
+    smoothed = [q, *(uniform_filter1d(q, w, axis=1, mode="nearest") for w in widths)]
+    groups = [_COMPUTE[name](smoothed) for name in features.summaries]
+    return np.concatenate(groups, axis=1).astype(np.float32)
+
+
+def _widths(features: FeatureSet, n_bins: int) -> tuple[int, ...]:
+    """Smoothing widths that fit into the profile."""
+    return tuple(w for w in features.scales if w < n_bins)
+
+
+def _moments(smoothed: list[np.ndarray]) -> np.ndarray:
+    """Mean, standard deviation, skewness and kurtosis at each scale."""
+    columns = []
+    for x in smoothed:
+        mean = x.mean(axis=1)
+        z = x - mean[:, None]
+        std = z.std(axis=1) + np.float32(1e-9)
+        columns += [mean, std, (z**3).mean(axis=1) / std**3, (z**4).mean(axis=1) / std**4]
+    return np.stack(columns, axis=1)
+
+
+def _quantiles(smoothed: list[np.ndarray]) -> np.ndarray:
+    """Quantiles of Qρ at each scale, and its extremes at the smoothed ones."""
+    columns = []
+    for x in smoothed:
+        ordered = np.sort(x, axis=1)
+        index = np.round(QUANTILES * (x.shape[1] - 1)).astype(int)
+        columns += [ordered[:, index], ordered[:, [0, -1]]]
+    return np.concatenate(columns, axis=1)
+
+
+def _bands(smoothed: list[np.ndarray]) -> np.ndarray:
+    """Between neighbouring scales: log power overall and per block, lowest and highest value."""
+    columns = []
+    for fine, coarse in zip(smoothed[:-1], smoothed[1:], strict=True):
+        band = fine - coarse
+        power = band**2
+        blocks = [block.mean(axis=1) for block in np.array_split(power, N_BLOCKS, axis=1)]
+        columns += [np.log(p + POWER_FLOOR) for p in (power.mean(axis=1), *blocks)]
+        columns += [band.min(axis=1), band.max(axis=1)]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(smoothed[0]), 0), np.float32)
+
+
+def _spectrum(smoothed: list[np.ndarray]) -> np.ndarray:
+    """Log power in logarithmic bins of wavenumber."""
+    q = smoothed[0]
+    power = np.abs(np.fft.rfft(q - q.mean(axis=1, keepdims=True), axis=1)) ** 2 / q.shape[1]
+    edges = np.geomspace(1, power.shape[1], N_WAVENUMBERS + 1)
+    columns = []
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        first = min(int(low), power.shape[1] - 1)
+        columns.append(power[:, first : max(int(high), first + 1)].mean(axis=1))
+    return np.log(np.stack(columns, axis=1) + POWER_FLOOR)
+
+
+def _histogram(smoothed: list[np.ndarray]) -> np.ndarray:
+    """Share of bins with Qρ in each interval of `HISTOGRAM_EDGES`, and below and above them."""
+    q = smoothed[0]
+    n_cells = len(HISTOGRAM_EDGES) + 1
+    cell = np.searchsorted(HISTOGRAM_EDGES, q) + n_cells * np.arange(len(q))[:, None]
+    return np.bincount(cell.ravel(), minlength=n_cells * len(q)).reshape(len(q), n_cells) / q.shape[1]
+
+
+_COMPUTE: dict[Summary, Callable[[list[np.ndarray]], np.ndarray]] = {
+    "moments": _moments,
+    "quantiles": _quantiles,
+    "bands": _bands,
+    "spectrum": _spectrum,
+    "histogram": _histogram,
+}
+
+
+def _names(summary: Summary, widths: tuple[int, ...]) -> list[str]:
+    """Names of one group's features, in the order in which they are computed."""
+    scales = ["1 bin", *(f"{w} bins" for w in widths)]
+    if summary == "moments":
+        return [f"{m} of {s}" for s in scales for m in ("mean", "std", "skewness", "kurtosis")]
+    if summary == "quantiles":
+        return [f"{m} of {s}" for s in scales for m in (*(f"q{p:g}" for p in QUANTILES), "min", "max")]
+    if summary == "bands":
+        parts = ("power", *(f"power in block {i + 1}" for i in range(N_BLOCKS)), "min", "max")
+        return [f"{p} of {a} - {b}" for a, b in zip(scales[:-1], scales[1:], strict=True) for p in parts]
+    if summary == "spectrum":
+        return [f"P(k) bin {i + 1}" for i in range(N_WAVENUMBERS)]
+    pairs = zip(HISTOGRAM_EDGES[:-1], HISTOGRAM_EDGES[1:], strict=True)
+    return [f"share of Qρ {c}" for c in ("below", *(f"{a:g} to {b:g}" for a, b in pairs), "above")]

@@ -1,0 +1,192 @@
+"""How good a classifier is: the paper's metrics, and those it needs besides, with errors.
+
+Counts follow scikit-learn: ``counts[i, j]`` streams of class i were taken for class j.
+All errors are bootstrap standard deviations over the test streams.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from sklearn import metrics
+
+PER_CLASS = ("accuracy", "precision", "recall", "f1", "auc")
+OVERALL = ("overall_accuracy", "log_loss", "ece")
+N_CONFIDENCE_BINS = 15
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Scores of a classifier on test streams.
+
+    Attributes
+    ----------
+    counts : ndarray (n_classes, n_classes) of int
+        Confusion matrix, true class along rows.
+    values, errors : dict
+        ``accuracy, precision, recall, f1, auc`` per class (n_classes,), and
+        ``overall_accuracy, log_loss, ece`` as numbers; bootstrap errors likewise.
+    """
+
+    counts: np.ndarray
+    values: dict[str, np.ndarray]
+    errors: dict[str, np.ndarray]
+
+    @property
+    def percent(self) -> np.ndarray:
+        """Confusion matrix in percent of each true class (n_classes, n_classes)."""
+        return 100 * self.counts / np.maximum(self.counts.sum(axis=1, keepdims=True), 1)
+
+    def table(self, labels) -> pd.DataFrame:
+        """One row per class: precision, recall, F1, accuracy, AUC and their errors."""
+        columns = {}
+        for name in ("precision", "recall", "f1", "accuracy", "auc"):
+            columns[name] = self.values[name]
+            columns[f"{name}_error"] = self.errors[name]
+        return pd.DataFrame(columns, index=pd.Index(labels, name="class"))
+
+    def to_dict(self) -> dict:
+        """Plain numbers and lists, for a model card."""
+        plain = {name: np.asarray(value).tolist() for name, value in self.values.items()}
+        errors = {name: np.asarray(value).tolist() for name, value in self.errors.items()}
+        return {"counts": self.counts.tolist(), "values": plain, "errors": errors}
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Reliability of the probability given to the chosen class, in bins of it.
+
+    Attributes
+    ----------
+    confidence, accuracy, error : ndarray (n_used_bins,)
+        Mean probability, share that was right, and its binomial (Wilson) half-width at one sigma.
+    count : ndarray (n_used_bins,)
+        Streams in the bin; bins without streams are left out.
+    """
+
+    confidence: np.ndarray
+    accuracy: np.ndarray
+    error: np.ndarray
+    count: np.ndarray
+
+    @property
+    def ece(self) -> float:
+        """Expected calibration error: mean \\|accuracy − confidence\\| weighted by count."""
+        return float(np.sum(self.count * np.abs(self.accuracy - self.confidence)) / np.sum(self.count))
+
+
+def count_scores(counts: np.ndarray) -> dict[str, np.ndarray]:
+    """Paper's eqs. for accuracy, precision, recall and F1 (§2.5) from a confusion matrix.
+
+    Parameters
+    ----------
+    counts : ndarray (..., n_classes, n_classes)
+        True class along the last but one axis.
+
+    Returns
+    -------
+    dict
+        ``accuracy`` (one class against the rest), ``precision``, ``recall``, ``f1``, each
+        (..., n_classes), and ``overall_accuracy`` (...). A ratio with nothing in its
+        denominator is 0, as in scikit-learn with ``zero_division=0``.
+    """
+    counts = np.asarray(counts, float)
+    total = counts.sum(axis=(-2, -1))[..., None]
+    true_positive = np.diagonal(counts, axis1=-2, axis2=-1)
+    false_positive = counts.sum(axis=-2) - true_positive
+    false_negative = counts.sum(axis=-1) - true_positive
+    true_negative = total - true_positive - false_positive - false_negative
+    return {
+        "accuracy": _ratio(true_positive + true_negative, total),
+        "precision": _ratio(true_positive, true_positive + false_positive),
+        "recall": _ratio(true_positive, true_positive + false_negative),
+        # 2 / (1/P + 1/R), written so that it is also defined for P = R = 0
+        "f1": _ratio(2 * true_positive, 2 * true_positive + false_positive + false_negative),
+        "overall_accuracy": _ratio(true_positive.sum(axis=-1), total[..., 0]),
+    }
+
+
+def evaluate(y: np.ndarray, probability: np.ndarray, n_bootstrap: int = 200, seed: int = 0) -> Scores:
+    """Score probabilities against the truth.
+
+    Parameters
+    ----------
+    y : ndarray (n_streams,) of int
+        True class.
+    probability : ndarray (n_streams, n_classes)
+        The most probable class counts as the prediction: for two classes, above 50 %.
+    n_bootstrap : int
+        Resamplings of the streams behind the errors.
+
+    Raises
+    ------
+    ValueError
+        When a class has no test stream.
+    """
+    y = np.asarray(y)
+    n_classes = probability.shape[1]
+    present = np.bincount(y, minlength=n_classes)
+    if np.any(present == 0):
+        raise ValueError(f"Class {int(np.argmin(present))} has no test stream; simulate more streams.")
+    rng = np.random.default_rng(seed)
+    values = _all_scores(y, probability)
+    draws = []
+    for _ in range(n_bootstrap):
+        # within each class, so that no resampling lacks one
+        rows = np.concatenate([rng.choice(np.flatnonzero(y == c), present[c]) for c in range(n_classes)])
+        draws.append(_all_scores(y[rows], probability[rows]))
+    errors = {name: np.std([d[name] for d in draws], axis=0) for name in values} if draws else {}
+    return Scores(_counts(y, probability), values, errors)
+
+
+def roc(y: np.ndarray, probability: np.ndarray, n_points: int = 201) -> tuple[np.ndarray, np.ndarray]:
+    """ROC curve of each class against the rest.
+
+    Returns
+    -------
+    false_positive_rate : ndarray (n_points,)
+        Common to all classes, crowded towards 0 where the curves differ.
+    true_positive_rate : ndarray (n_classes, n_points)
+    """
+    grid = np.linspace(0, 1, n_points) ** 3
+    curves = []
+    for c in range(probability.shape[1]):
+        fpr, tpr, _ = metrics.roc_curve(y == c, probability[:, c])
+        # the upper corner of each step: the best rate that this false-positive rate allows
+        curves.append(tpr[np.searchsorted(fpr, grid, side="right") - 1])
+    return grid, np.array(curves)
+
+
+def calibration(y: np.ndarray, probability: np.ndarray, n_bins: int = N_CONFIDENCE_BINS) -> Calibration:
+    """Reliability of the chosen class's probability in ``n_bins`` equal bins of it."""
+    confidence = probability.max(axis=1)
+    right = (probability.argmax(axis=1) == y).astype(float)
+    bins = np.minimum((confidence * n_bins).astype(int), n_bins - 1)
+    count = np.bincount(bins, minlength=n_bins)
+    used = count > 0
+    n = count[used]
+    share = np.bincount(bins, right, n_bins)[used] / n
+    error = np.sqrt(share * (1 - share) / n + 1 / (4 * n**2)) / (1 + 1 / n)
+    return Calibration(np.bincount(bins, confidence, n_bins)[used] / n, share, error, n)
+
+
+def _counts(y: np.ndarray, probability: np.ndarray) -> np.ndarray:
+    n_classes = probability.shape[1]
+    return metrics.confusion_matrix(y, probability.argmax(axis=1), labels=np.arange(n_classes))
+
+
+def _all_scores(y: np.ndarray, probability: np.ndarray) -> dict[str, np.ndarray]:
+    n_classes = probability.shape[1]
+    scores = count_scores(_counts(y, probability))
+    scores["auc"] = np.array([metrics.roc_auc_score(y == c, probability[:, c]) for c in range(n_classes)])
+    chosen = np.maximum(probability[np.arange(len(y)), y], 1e-15)
+    scores["log_loss"] = -np.log(chosen).mean()
+    scores["ece"] = np.float64(calibration(y, probability).ece)
+    return scores
+
+
+def _ratio(numerator: np.ndarray, denominator: np.ndarray) -> np.ndarray:
+    numerator, denominator = np.broadcast_arrays(numerator, denominator)
+    return np.divide(numerator, denominator, out=np.zeros(numerator.shape), where=denominator > 0)
