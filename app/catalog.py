@@ -72,7 +72,9 @@ def read_catalog(entries: Iterable[Any]) -> Catalog:
         if entry.state in ("damaged", "foreign"):
             problems.append(f"Cache entry {entry.label or entry.key} is {entry.state}: {entry.reason}")
         elif entry.kind == "ensemble" and entry.state == "complete":
-            groups.setdefault(entry.config.stream.key, []).append(entry)
+            group = groups.setdefault(entry.config.stream.key, [])
+            if all(entry.key != other.key for other in group):  # shipped and a user's own copy
+                group.append(entry)
     default_key = StreamModel().key
     ordered = sorted(groups, key=lambda key: (key != default_key, key))
     return Catalog(tuple(_stream(groups[key]) for key in ordered), tuple(problems))
@@ -87,10 +89,10 @@ def _stream(entries: Sequence[Any]) -> Stream:
         taken = any(choice.token == plain for choice in choices)
         extra = _differences(entry.config)
         token = f"{plain}~{entry.key[:8]}" if taken or extra else plain
-        label = mass_text(entry.config.perturbers.mass_range)
-        if extra or taken:
-            extra = [*extra, f"{entry.config.n_streams} streams"]
-        choices.append(Choice(entry.key, token, " · ".join([label, *extra]), entry.config))
+        words = [mass_text(entry.config.perturbers.mass_range), *extra]
+        if taken and not extra:
+            words.append(f"n_streams {entry.config.n_streams}")
+        choices.append(Choice(entry.key, token, " · ".join(words), entry.config))
     return Stream(model.key, stream_text(model), model, tuple(choices))
 
 
@@ -100,12 +102,18 @@ def _order(entry: Any) -> tuple:
 
 
 def _differences(config: EnsembleConfig) -> list[str]:
-    """What sets an ensemble apart from the default of its stream and mass range."""
+    """What sets an ensemble apart from the default of its stream and mass range.
+
+    Neither the number of streams nor the numerical accuracy: they do not change what is simulated.
+    """
     perturbers = config.perturbers
     plain = Perturbers(mass_range=perturbers.mass_range)
     words = _changed(perturbers, plain)
-    same = EnsembleConfig(stream=config.stream, perturbers=perturbers, n_streams=config.n_streams)
+    same = config.model_copy(update={"seed": 0, **_ANGLES})
     return words + _changed(config, same)
+
+
+_ANGLES = {name: EnsembleConfig.model_fields[name].default for name in ("theta_min", "theta_max", "n_theta")}
 
 
 def _changed(config: Config, reference: Config) -> list[str]:

@@ -76,6 +76,9 @@ def option(*allowed: str) -> Field:
 FIELDS: dict[str, Field] = {
     "noise": number(0.0, 1.0),
     "n_bin": integer(*N_BIN),
+    "alpha": integer(0, N_BIN[1]),
+    "fiducial": integer(0, CLASSES_MAX - 1),
+    "exclude": option("noise", "measured"),
     "x": option(*COORDINATE_LABELS),
     "y": option(*QUANTITIES),
     "highlight": integer(0, HIGHLIGHTS_MAX),
@@ -93,6 +96,13 @@ class Session(param.Parameterized):
     mass = param.List([], item_type=str, doc="cache keys of the ensembles compared, lowest masses first")
     noise = param.Number(0.1, bounds=(0, 1), step=0.01, doc="shot noise σ_ε per 0.2° bin")
     n_bin = param.Integer(20, bounds=N_BIN, doc="number of bins of PDF(Qρ)")
+    alpha = param.Integer(0, bounds=(0, N_BIN[1]), doc="bin of PDF(Qρ) looked into, from 1; 0: at Qρ = 1")
+    fiducial = param.Integer(0, bounds=(0, CLASSES_MAX - 1), doc="model that data are assumed to come from")
+    exclude = param.Selector(
+        default="noise",
+        objects=["noise", "measured"],
+        doc="width that limits the distance from the peak: σ_ε, or that of the lowest-mass PDF",
+    )
     x = param.Selector(default="ell", objects=list(COORDINATE_LABELS), doc="coordinate along the stream")
     y = param.Selector(default="q_rho", objects=list(QUANTITIES), doc="quantity shown in profiles")
     highlight = param.Integer(3, bounds=(0, HIGHLIGHTS_MAX), doc="number of highlighted streams")

@@ -38,6 +38,8 @@ THEME = {
 }
 STYLE = ":focus-visible { outline: 3px solid #e69f00 !important; outline-offset: 2px; }"
 WIDE = "stretch_width"
+SLIDER_DELAY = 10
+"""Milliseconds in which moves of one slider are gathered; Panel's 50 are a third of our budget."""
 
 # ---------------------------------------------------------------- frame
 
@@ -139,13 +141,20 @@ def slider(page: Page, name: str, label: str, step: float = 0.01, **params: Any)
     widget = pmui.FloatSlider(
         label=label, start=low, end=high, step=step, format="0.00", **_sized(name, params)
     )
+    widget._debounce = SLIDER_DELAY
     return page.bind(name, widget, to_session=lambda value: round(value, 3))
 
 
 def int_slider(page: Page, name: str, label: str, start: int, end: int, **params: Any) -> pmui.IntSlider:
     """Slider of a session integer; ``start`` and ``end`` may be narrower than its bounds."""
     widget = pmui.IntSlider(label=label, start=start, end=end, **_sized(name, params))
+    widget._debounce = SLIDER_DELAY
     return page.bind(name, widget, to_widget=lambda value: min(max(value, start), end))
+
+
+def number_slider(label: str, start: int, end: int, value: int, name: str) -> pmui.IntSlider:
+    """Slider of a whole number that is not itself a session parameter; ``sd-<name>`` is its class."""
+    return pmui.IntSlider(label=label, start=start, end=end, value=value, **_sized(name, {}))
 
 
 def toggle(page: Page, name: str, label: str, options: dict[str, str], **params: Any) -> Viewable:
@@ -366,8 +375,9 @@ def legend(entries: Sequence[tuple[str, str]], classes: int) -> pn.pane.HTML:
     Parameters
     ----------
     entries
-        Kind of swatch and words; kinds are ``image``, ``band``, ``line``, ``ink`` and ``dashes``.
-        Bands and lines show the colours of all classes.
+        Kind of swatch and words; kinds are ``image``, ``band``, ``line``, ``ink``, ``dashes``,
+        ``grey``, ``frame`` and ``dots``.
+        Bands, lines and dots show the colours of all classes.
     classes
         Number of classes shown.
     """
@@ -396,4 +406,7 @@ LEGEND_STYLE = """
 .line { background: var(--classes); }
 .ink { height: 3px; background: currentColor; }
 .dashes { height: 0; border-top: 2px dashed currentColor; }
+.grey { height: 10px; background: #80808040; }
+.frame { height: 8px; border: 2px solid currentColor; border-width: 0 2px; width: 12px; }
+.dots { height: 8px; border-radius: 4px; background: var(--classes); }
 """

@@ -60,7 +60,9 @@ Rules
 from __future__ import annotations
 
 from app.pages.base import Page
+from app.pages.evidence import EvidencePage
+from app.pages.pdf import PdfPage
 from app.pages.profiles import ProfilesPage
 
-PAGES: tuple[type[Page], ...] = (ProfilesPage,)
+PAGES: tuple[type[Page], ...] = (ProfilesPage, PdfPage, EvidencePage)
 """All pages, in the navigation's order."""

@@ -79,12 +79,12 @@ def profiles_figure(
 
 def layout(panels: Sequence[Panel], backend: Backend) -> hv.Layout:
     """All panels, two in a row."""
-    use(backend)
     return hv.Layout([draw(panel, backend) for panel in panels]).cols(2)
 
 
 def draw(panel: Panel, backend: Backend) -> hv.Overlay:
     """Declare one panel; in the browser its data are then replaced by `columns`."""
+    use(backend)
     x_name, y_name = panel.coordinate, panel.quantity
     x = hv.Dimension(x_name, label=x_name)
     y = hv.Dimension(y_name, label=y_name)
@@ -218,7 +218,7 @@ def sentence(panels: Sequence[Panel]) -> str:
     widths = []
     for panel in panels:
         half = float(np.mean(panel.high - panel.low)) / 2
-        widths.append(f"{model_text(panel.index, panel.config.perturbers.mass_range)}: ±{half:.3f}")
+        widths.append(f"{model_text(panel.index, panel.config.perturbers.mass_range)}: ±{half:.2g}")
     chosen = f" Coloured: {len(first.streams)} random streams of each class." if len(first.streams) else ""
     return (
         f"The {names[first.quantity]} along {axes[first.coordinate]}{noise}. "

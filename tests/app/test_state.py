@@ -1,0 +1,206 @@
+"""Links: every choice round-trips, nothing in a URL can break a session."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from urllib.parse import urlencode
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.catalog import Catalog, read_catalog
+from app.state import FIELDS, HIGHLIGHTS_MAX, N_BIN, QUANTITIES, SEED_MAX, Session, read_query
+from streamdash.config import EnsembleConfig, Perturbers, StreamModel
+from streamdash.plots.style import COORDINATE_LABELS
+from streamdash.store import Entry
+
+PAGES = ("profiles", "pdf")
+RANGES = ("1e3-1e5", "1e5-1e7", "1e5-1e9", "1e7-1e9")
+TRAILING = StreamModel(arm="trailing")
+
+
+def entry(config: EnsembleConfig, state: str = "complete", reason: str = "") -> Entry:
+    return Entry(
+        kind="ensemble",
+        key=config.key,
+        label=config.perturbers.label,
+        path=Path(config.key),
+        state=state,
+        reason=reason,
+        config=config,
+        n_done=config.n_streams,
+        n_total=config.n_streams,
+        size_bytes=1,
+        date="2020-01-01T00:00:00",
+        cost_s=1.0,
+        code_version="0",
+        shipped=True,
+    )
+
+
+def ensemble(mass: str, **values) -> EnsembleConfig:
+    return EnsembleConfig(perturbers=Perturbers(mass_range=mass), n_streams=100, **values)
+
+
+@pytest.fixture(scope="module")
+def catalog() -> Catalog:
+    configs = [ensemble(mass) for mass in RANGES] + [
+        ensemble(mass, stream=TRAILING) for mass in ("1e3-1e5", "1e6-1e8")
+    ]
+    return read_catalog(entry(config) for config in configs)
+
+
+def opened(catalog: Catalog, search: str) -> Session:
+    session = Session(PAGES, catalog)
+    session.load(search)
+    return session
+
+
+def masses(session: Session) -> list[str]:
+    return [choice.token for choice in session.ensembles]
+
+
+def test_an_empty_link_shows_the_papers_two_classes(catalog):
+    session = opened(catalog, "")
+    assert masses(session) == ["1e3-1e5", "1e5-1e9"]
+    assert session.problems == []
+    assert session.search == ""
+
+
+@given(
+    noise=st.floats(0, 1).map(lambda value: round(value, 3)),
+    n_bin=st.integers(*N_BIN),
+    x=st.sampled_from(list(COORDINATE_LABELS)),
+    y=st.sampled_from(list(QUANTITIES)),
+    highlight=st.integers(0, HIGHLIGHTS_MAX),
+    seed=st.integers(0, SEED_MAX),
+    theme=st.sampled_from(["default", "dark"]),
+    page=st.sampled_from(PAGES),
+    chosen=st.lists(st.sampled_from(RANGES), min_size=2, max_size=4, unique=True),
+)
+def test_a_link_reproduces_every_choice(catalog, page, chosen, **values):
+    first = opened(catalog, "")
+    stream = catalog.streams[0]
+    wanted = [choice.key for choice in stream.ensembles if choice.token in chosen]
+    first.param.update(page=page, mass=wanted, **values)
+    second = opened(catalog, first.search)
+    assert second.problems == []
+    assert second.mass == wanted
+    assert (second.page or PAGES[0]) == page
+    assert {name: getattr(second, name) for name in values} == values
+    assert second.search == first.search
+
+
+@given(st.dictionaries(st.sampled_from([*FIELDS, "page", "stream", "mass"]) | st.text(), st.text()))
+def test_hostile_values_become_sentences_and_leave_a_session_that_works(catalog, query):
+    session = opened(catalog, "?" + urlencode(query))
+    assert 2 <= len(session.ensembles) <= 4
+    assert 0 <= session.noise <= 1
+    for sentence in session.problems:
+        assert len(sentence) < 400
+        assert sentence.isprintable()
+    again = opened(catalog, session.search)
+    assert again.search == session.search
+    assert again.problems == []
+
+
+@given(st.text())
+def test_any_text_at_all_can_stand_behind_the_question_mark(catalog, text):
+    assert opened(catalog, text).ensembles
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("noise", "-0.1"),
+        ("noise", "1.0001"),
+        ("noise", "nan"),
+        ("noise", "inf"),
+        ("noise", "0,1"),
+        ("n_bin", "1"),
+        ("n_bin", "20.5"),
+        ("n_bin", "²0"),
+        ("n_bin", "1_0"),
+        ("seed", "99999999999999999999"),
+        ("highlight", "11"),
+        ("x", "longitude"),
+        ("y", "<script>alert(1)</script>"),
+        ("page", "admin"),
+        ("stream", "0123456789abcdef"),
+        ("mass", "1e3-1e6"),
+        ("theme", "blue"),
+    ],
+)
+def test_a_bad_value_is_named_and_the_other_keys_are_kept(catalog, name, text):
+    others = {"noise": "0.37", "n_bin": "50", "x": "theta"}
+    others.pop(name, None)
+    session = opened(catalog, "?" + urlencode({**others, name: text}))
+    assert any(sentence.startswith(f"{name}=") for sentence in session.problems)
+    for key, value in others.items():
+        assert FIELDS[key].write(getattr(session, key)) == value
+    default = opened(catalog, "")
+    assert getattr(session, name) == getattr(default, name)
+
+
+def test_unknown_and_repeated_keys_are_named(catalog):
+    problems = opened(catalog, "?colour=red&noise=0.2&noise=0.9").problems
+    assert any("colour" in sentence for sentence in problems)
+    assert any(sentence.startswith("noise is given twice") for sentence in problems)
+
+
+def test_one_range_that_is_gone_leaves_the_others(catalog):
+    session = opened(catalog, "?mass=1e3-1e5,1e3-1e6,1e7-1e9")
+    assert masses(session) == ["1e3-1e5", "1e7-1e9"]
+    assert len(session.problems) == 1
+
+
+def test_too_few_or_too_many_ranges_fall_back_to_the_default(catalog):
+    five = read_catalog([entry(ensemble(m)) for m in (*RANGES, "1e4-1e6")])
+    for known, search in ((catalog, "?mass=1e3-1e5"), (five, "?mass=" + ",".join((*RANGES, "1e4-1e6")))):
+        session = opened(known, search)
+        assert masses(session) == ["1e3-1e5", "1e5-1e9"]
+        assert "2 to 4" in session.problems[0]
+
+
+def test_changing_the_stream_brings_its_own_mass_ranges(catalog):
+    session = opened(catalog, "")
+    session.choose_stream(TRAILING.key)
+    assert masses(session) == ["1e3-1e5", "1e6-1e8"]
+    assert masses(opened(catalog, session.search)) == ["1e3-1e5", "1e6-1e8"]
+
+
+def test_floats_are_written_as_people_would(catalog):
+    session = opened(catalog, "?noise=0.15000000000000002")
+    assert session.noise == 0.15
+    assert session.search == "?noise=0.15"
+
+
+def test_ensembles_with_other_knobs_get_tokens_and_labels_of_their_own():
+    doubled = EnsembleConfig(perturbers=Perturbers(mass_range="1e3-1e5", rate_factor=2.0))
+    larger = EnsembleConfig(perturbers=Perturbers(mass_range="1e3-1e5"), n_streams=500)
+    catalog = read_catalog(map(entry, [doubled, ensemble("1e3-1e5"), larger]))
+    tokens = {choice.key: choice.token for choice in catalog.streams[0].ensembles}
+    labels = [choice.label for choice in catalog.streams[0].ensembles]
+    assert tokens[larger.key] == "1e3-1e5"
+    assert len(set(tokens.values())) == len(set(labels)) == 3
+    assert any("rate_factor 2.0" in label for label in labels)
+    values, problems = read_query(f"?mass=1e3-1e5,1e3-1e5~{doubled.key[:8]}", PAGES, catalog)
+    assert problems == []
+    assert set(values["mass"]) == {larger.key, doubled.key}
+
+
+def test_damaged_entries_are_named_and_left_out():
+    good, bad = ensemble("1e3-1e5"), ensemble("1e5-1e9")
+    partial = ensemble("1e7-1e9")
+    catalog = read_catalog([entry(good), entry(bad, "damaged", "a checksum differs"), entry(partial, "partial")])
+    assert [choice.key for choice in catalog.streams[0].ensembles] == [good.key]
+    assert len(catalog.problems) == 1
+    assert "1e5-1e9" in catalog.problems[0]
+    assert "checksum" in catalog.problems[0]
+
+
+def test_an_empty_cache_gives_a_session_without_ensembles():
+    session = opened(Catalog(), "?mass=1e3-1e5&noise=0.3")
+    assert session.ensembles == ()
+    assert session.noise == 0.3

@@ -1,0 +1,105 @@
+"""A real server and a real browser, for the browser tests, the latency benchmark and the screenshots."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+from playwright.sync_api import Browser, Page, Playwright
+
+ROOT = Path(__file__).resolve().parents[2]
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+READY = """() => window.Bokeh && Bokeh.documents.length && Bokeh.documents[0].is_idle
+             && Bokeh.documents[0].roots().length"""
+"""Without the number of roots an app that failed to build looks idle."""
+
+# Every figure's data source by the name of the HoloViews element it draws.
+MODELS = """
+window.sd = {
+  figures: () => [...Bokeh.documents[0]._all_models.values()].filter(m => m.type === "Figure"),
+  renderers: (figure) => figure.renderers.filter(r => r.type === "GlyphRenderer"),
+  glyphs: (type) => sd.figures().map(f => sd.renderers(f).find(r => r.glyph.type === type)),
+  view: (model) => Bokeh.index.find_one(model),
+}
+"""
+
+
+def chromium() -> str:
+    """Path of Debian's Chromium.
+
+    Raises
+    ------
+    RuntimeError
+        When it is missing, with the command that installs it.
+    """
+    found = shutil.which("chromium") or shutil.which("chromium-browser")
+    if found is None:
+        raise RuntimeError("Chromium is missing; install it with: apt-get install -y chromium")
+    return found
+
+
+def launch(playwright: Playwright) -> Browser:
+    """Start Chromium without a window."""
+    return playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
+
+
+@contextlib.contextmanager
+def served(cache: Path, *options: str) -> Iterator[str]:
+    """Serve the app from `cache` as a subprocess; gives its address, ends it by its process id."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    address = f"http://localhost:{port}"
+    command = [sys.executable, "-m", "panel", "serve", str(ROOT / "app" / "main.py")]
+    process = subprocess.Popen(
+        [*command, "--port", str(port), "--liveness", *options],
+        env={**os.environ, "STREAMDASH_CACHE": str(cache)},
+        cwd=ROOT,
+    )
+    try:
+        _wait_until_live(process, f"{address}/liveness")
+        yield address
+    finally:
+        process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _wait_until_live(process: subprocess.Popen, url: str, seconds: float = 60) -> None:
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        if process.poll() is not None:
+            raise RuntimeError(f"the server ended with code {process.returncode} before it was up")
+        with contextlib.suppress(urllib.error.URLError, ConnectionError):
+            if urllib.request.urlopen(url, timeout=2).status == 200:
+                return
+        time.sleep(0.1)
+    raise RuntimeError(f"the server did not answer within {seconds:g} s")
+
+
+def open_app(page: Page, address: str, query: str = "") -> Page:
+    """Go to the app and wait until everything is drawn."""
+    page.goto(f"{address}/main{query}")
+    page.wait_for_function(READY, timeout=60_000)
+    page.evaluate(MODELS)
+    return page
