@@ -1,0 +1,20 @@
+"""galpy's own streams with a gap, for comparison: seconds each, so made once and shared."""
+
+from functools import cache
+
+import pytest
+
+from streamdash.geometry import galpy_gap
+
+
+@pytest.fixture(scope="session")
+def gap_at(geometry):
+    """The `streamgapdf` at impact time k; tests set their own impact on it."""
+
+    @cache
+    def make(k):
+        gap = galpy_gap(geometry.stream, geometry.stream.impact_times_gyr[k])
+        gap._higherorderTrack = False  # as galpy's default; set only by its full set-up
+        return gap
+
+    return make

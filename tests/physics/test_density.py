@@ -1,0 +1,118 @@
+"""Today's stream: against galpy for one impact, against brute force for many, invariants."""
+
+import numpy as np
+import pytest
+
+from streamdash.config import Accuracy, Perturbers
+from streamdash.density import perturbed_stream, stream_profile
+from streamdash.geometry import R0_KPC, V0_KMS
+from streamdash.impacts import COLUMNS, Impacts, ImpactsError, sample_impacts
+from streamdash.kicks import gravity
+from tests.physics.reference import march
+from tests.physics.test_kicks import CASES, one
+
+THETA = np.linspace(0.03, 0.987, 60)
+
+
+def test_no_impacts_is_the_smooth_stream(geometry):
+    stream = perturbed_stream(geometry, Impacts.none(), THETA)
+    assert (stream.q_rho == 1).all()
+    assert (stream.omega == stream.omega_smooth).all()
+
+
+def test_vanishing_impacts_give_the_smooth_stream_by_integration(geometry):
+    """The quadrature itself, edges of the support included, is exact to 10⁻⁵."""
+    weak = one(geometry, 20, 0.3, 0.1, (10.0, 100.0, 50.0), 1e-3, 0.01)
+    stream = perturbed_stream(geometry, weak, THETA)
+    assert stream.q_rho.values == pytest.approx(1, abs=1e-5)
+    assert stream.omega.values == pytest.approx(stream.omega_smooth.values, rel=1e-5)
+
+
+@pytest.mark.parametrize("profile", ["hernquist", "plummer"])
+@pytest.mark.parametrize("case", CASES, ids=["near-recent", "small", "old"])
+def test_one_impact_equals_galpys_gap(geometry, gap_at, profile, case):
+    k, theta, b, w, mass, r_s = case
+    gap = gap_at(k)
+    gap._nKickPoints = 2001
+    for name in ("_kick_interpolatedThetasTrack", "_kick_interpolatedObsTrackAA"):
+        if hasattr(gap, name):
+            delattr(gap, name)
+    gap._determine_deltav_kick(
+        theta, b / R0_KPC, np.array(w) / V0_KMS, mass * gravity(), r_s / R0_KPC, None, 3,
+        profile == "hernquist",
+    )
+    gap._determine_deltaOmegaTheta_kick(3)
+    angles = np.linspace(0.05, 0.95, 25)
+    ours = perturbed_stream(geometry, one(geometry, k, theta, b, w, mass, r_s), angles, profile)
+    smooth = ours.smooth.values
+    exact = np.array([gap._density_par(a, approx=False) for a in angles]) / np.sqrt(2 * np.pi)
+    default = np.array([gap._density_par(a) for a in angles])
+    # galpy's quad leaves up to a few 10⁻³ at kinks; its default neglects curved kicks.
+    assert np.abs(ours.density.values - exact).max() < 4e-3
+    assert np.abs((ours.density.values - default) / smooth).max() < 2e-2
+    assert np.abs(ours.q_rho.values - 1).max() > 5e-3
+
+
+@pytest.mark.parametrize("mass_range", ["1e3-1e5", "1e5-1e9", "1e7-1e9"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_worst_point_of_many_impacts_against_brute_force(geometry, mass_range, seed):
+    impacts = sample_impacts(geometry, Perturbers(mass_range=mass_range), np.random.default_rng(seed))
+    angles = np.linspace(0.03, 0.987, 25)
+    density, omega = stream_profile(geometry, impacts, angles)
+    brute, brute_omega = march(geometry, impacts, angles)
+    smooth = geometry.smooth_density(angles)
+    assert np.abs((density - brute) / smooth).max() < 2e-3
+    assert omega == pytest.approx(brute_omega, rel=2e-3)
+
+
+def test_order_of_impacts_does_not_matter(geometry):
+    impacts = sample_impacts(geometry, Perturbers(), np.random.default_rng(4))
+    order = np.random.default_rng(0).permutation(len(impacts))
+    shuffled = Impacts(*(getattr(impacts, c)[order] for c in COLUMNS))
+    a, b = (perturbed_stream(geometry, i, THETA).density.values for i in (impacts, shuffled))
+    assert a == pytest.approx(b, rel=1e-8)
+
+
+def test_two_half_kicks_are_one(geometry):
+    whole = one(geometry, 12, 0.4, 0.2, (50.0, -90.0, 120.0), 2e7, 0.47)
+    half = one(geometry, 12, 0.4, 0.2, (50.0, -90.0, 120.0), 1e7, 0.47)
+    twice = Impacts(*(np.repeat(getattr(half, c), 2) for c in COLUMNS))
+    a, b = (perturbed_stream(geometry, i, THETA).q_rho.values for i in (whole, twice))
+    assert np.abs(a - b).max() < 1e-3
+
+
+def test_profile_at_one_angle_does_not_depend_on_the_others(geometry):
+    impacts = sample_impacts(geometry, Perturbers(), np.random.default_rng(6))
+    together, _ = stream_profile(geometry, impacts, THETA)
+    alone, _ = stream_profile(geometry, impacts, THETA[17:18])
+    assert alone[0] == together[17]
+
+
+def test_finer_settings_converge(geometry):
+    """Each setting alone: four times finer moves no point by 10⁻³ of ρ̄."""
+    smooth = geometry.smooth_density(THETA)
+    for mass_range in ("1e3-1e5", "1e5-1e9"):
+        impacts = sample_impacts(geometry, Perturbers(mass_range=mass_range), np.random.default_rng(9))
+        base, _ = stream_profile(geometry, impacts, THETA)
+        for name, value in Accuracy():
+            fine, _ = stream_profile(geometry, impacts, THETA, accuracy=Accuracy(**{name: value / 4}))
+            assert np.abs((fine - base) / smooth).max() < 1e-3, (mass_range, name)
+
+
+def test_refuses_angles_and_impacts_off_the_stream(geometry):
+    impact = one(geometry, 12, 0.4, 0.2, (50.0, -90.0, 120.0), 2e7, 0.47)
+    with pytest.raises(ValueError, match="positive angles"):
+        perturbed_stream(geometry, impact, np.array([-0.1, 0.2]))
+    with pytest.raises(ImpactsError, match="row 1, column theta"):
+        perturbed_stream(geometry, one(geometry, 12, 2.5, 0.2, (1, 2, 3), 1e6, 0.1), THETA)
+
+
+def test_massive_flybys_conserve_stars(geometry):
+    """Far more than one dispersion of kick: stars move along the stream, none vanish."""
+    impact = one(geometry, 10, 0.5, 0.3, (10.0, 60.0, 40.0), 3e8, 1.8)
+    angles = np.linspace(1e-4, 2.8, 4001)
+    density, _ = stream_profile(geometry, impact, angles)
+    kicked = np.trapezoid(density, angles)
+    smooth = np.trapezoid(geometry.smooth_density(angles), angles)
+    assert np.abs(density - geometry.smooth_density(angles)).max() > 0.2
+    assert kicked == pytest.approx(smooth, rel=0.02)

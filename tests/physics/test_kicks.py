@@ -1,0 +1,101 @@
+"""Kicks against galpy's impulse formulas and its propagation to frequencies."""
+
+import numpy as np
+import pytest
+from galpy.df import streamgapdf as galpy_gap_module
+from galpy.df.streamgapdf import (
+    impulse_deltav_hernquist_curvedstream,
+    impulse_deltav_plummer_curvedstream,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from streamdash.config import Accuracy
+from streamdash.geometry import R0_KPC, V0_KMS
+from streamdash.impacts import Impacts
+from streamdash.kicks import PAD, gravity, hernquist_factor, kick_tables, velocity_kick
+
+GALPY = {"hernquist": impulse_deltav_hernquist_curvedstream, "plummer": impulse_deltav_plummer_curvedstream}
+
+
+def curved_stream(n=41):
+    """A piece of a circle traversed at unit speed."""
+    angle = np.linspace(-0.6, 0.6, n)
+    x = np.stack([1.6 * np.cos(angle), 1.6 * np.sin(angle), 0.1 * angle], axis=1)
+    v = np.stack([-np.sin(angle), np.cos(angle), 0.05 + 0 * angle], axis=1)
+    return x, v
+
+
+@pytest.mark.parametrize("profile", ["hernquist", "plummer"])
+@pytest.mark.parametrize("b", [1e-5, -0.003, 0.04, 0.6], ids=lambda b: f"b={b}")
+@pytest.mark.parametrize("speed", [0.02, 0.5, 5.0], ids=lambda s: f"w={s}")
+def test_kick_equals_galpys(profile, b, speed):
+    x, v = curved_stream()
+    w = speed * np.array([0.3, -0.5, 0.8])
+    theirs = GALPY[profile](v, x, b, w, x[20], v[20], 1e-5, 0.011)
+    ours = velocity_kick(v, x, b, w, x[20], v[20], 1e-5, 0.011, profile)
+    assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-12 * np.abs(theirs).max())
+
+
+def test_hernquist_factor_is_smooth_where_galpys_is_undefined():
+    # u = 1: the limit of (1 - X(u))/(u² - 1) is 1/3.
+    assert hernquist_factor(1.0) == pytest.approx(1 / 3, abs=1e-12)
+    u = np.array([0.97, 0.974, 0.98, 1.02, 1.0246, 1.03])
+    direct = [(1 - galpy_gap_module.HernquistX(x)) / (x**2 - 1) for x in u]
+    assert [hernquist_factor(x) for x in u] == pytest.approx(direct, rel=1e-9)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.floats(1e-6, 1e6))
+def test_hernquist_factor_is_positive_and_falls(u):
+    assert 0 < hernquist_factor(u * 1.01) < hernquist_factor(u)
+
+
+def one(geometry, k, theta, b, w, mass, r_s):
+    time = geometry.stream.impact_times_gyr[k]
+    return Impacts(time, theta, b, w[0], w[1], w[2], mass, r_s)
+
+
+CASES = [
+    # k, theta, b (kpc), w (km/s), mass, r_s (kpc)
+    (5, 0.35, 0.3, (30.0, 150.0, -80.0), 1e8, 1.05),
+    (5, 0.8, -0.02, (-100.0, 20.0, 60.0), 1e6, 0.105),
+    (40, 0.2, 0.6, (0.0, 132.0, 176.0), 5e7, 0.74),
+]
+
+
+@pytest.mark.parametrize("profile", ["hernquist", "plummer"])
+@pytest.mark.parametrize("case", CASES, ids=["near-recent", "small", "old"])
+def test_frequency_kick_equals_galpys(geometry, gap_at, profile, case):
+    k, theta, b, w, mass, r_s = case
+    gap = gap_at(k)
+    gap._nKickPoints = 2001
+    for name in ("_kick_interpolatedThetasTrack", "_kick_interpolatedObsTrackAA"):
+        if hasattr(gap, name):
+            delattr(gap, name)
+    gap._determine_deltav_kick(
+        theta, b / R0_KPC, np.array(w) / V0_KMS, mass * gravity(), r_s / R0_KPC, None, 3,
+        profile == "hernquist",
+    )
+    gap._determine_deltaOmegaTheta_kick(3)
+    tables = kick_tables(
+        geometry, one(geometry, k, theta, b, w, mass, r_s), profile,
+        Accuracy(frequency_step=0.005, kick_tolerance=1e-6),
+    )
+    angles = (np.arange(tables.size[0]) - PAD) * tables.step[0]
+    inside = (angles > 0.01) & (angles < geometry.table_ends[k] - 0.01)
+    theirs = gap._kick_interpdOpar_raw(angles[inside])
+    scale = np.abs(theirs).max()
+    assert np.abs(tables.values[inside] - theirs).max() < 2e-3 * scale
+
+
+def test_kicks_add(geometry):
+    """Two halves at one place and time are one; far coarser boxes keep the integral."""
+    whole = one(geometry, 30, 0.3, 0.05, (50.0, -90.0, 120.0), 1e6, 0.105)
+    half = one(geometry, 30, 0.3, 0.05, (50.0, -90.0, 120.0), 5e5, 0.105)
+    twice = Impacts(*(np.repeat(getattr(half, c), 2) for c in vars(half)))
+    a, b = kick_tables(geometry, whole), kick_tables(geometry, twice)
+    peak = np.abs(a.values).max()
+    assert np.abs(a.values - b.values).max() < 2e-3 * peak
+    coarse = kick_tables(geometry, whole, accuracy=Accuracy(frequency_step=0.5))
+    assert coarse.values.sum() * coarse.step[0] == pytest.approx(a.values.sum() * a.step[0], rel=1e-3)
