@@ -80,6 +80,7 @@ def train(
     progress: Progress | None = None,
     should_stop: ShouldStop | None = None,
     workers: int | None = None,
+    sets: Split | None = None,
 ) -> Judged:
     """Train a classifier and judge it on the test streams.
 
@@ -100,6 +101,8 @@ def train(
         Asked at the same moments.
     workers : int, optional
         Threads; all cores when not given.
+    sets : Split, optional
+        Who is trained on; by default the `split` of ``settings.seed``.
 
     Raises
     ------
@@ -110,7 +113,7 @@ def train(
     """
     check_noise(noise, streams.n_bins)
     started = time.perf_counter()
-    sets = split(streams.y, settings.seed)
+    sets = sets or split(streams.y, settings.seed)
     n_steps = 2 * settings.boosting.n_estimators
     watch = _Watch(progress, should_stop, n_steps)
     n_trees, temperature = _tune_on_validation(streams, noise, settings, sets, watch, workers)
