@@ -89,7 +89,10 @@ class PdfPage(Page):
         session = self.session
         return (
             f"{code_head(session, 'pdf', 'pdf_figure')}"
-            f"figure = pdf_figure(Cache.default(), ensembles, noise={session.noise:g}, n_bin={session.n_bin})\n"
+            "figure = pdf_figure(\n"
+            f"    Cache.default(), ensembles, noise={session.noise:g}, n_bin={session.n_bin}, "
+            f"measured={session.exclude == 'measured'}\n"
+            ")\n"
             'Path("pdf.png").write_bytes(export(figure, "png"))\n'
         )
 

@@ -39,6 +39,7 @@ def evidence_figure(
     fiducial: int = 0,
     noise: float = 0.1,
     n_bin: int = 20,
+    measured: bool = False,
     backend: Backend = "matplotlib",
 ) -> hv.Overlay:
     """ln B^{fid i}_ij of every bin α against each other model j (paper fig. 5).
@@ -55,13 +56,15 @@ def evidence_figure(
         Shot noise σ_ε per 0.2° bin.
     n_bin
         Number of bins in Qρ.
+    measured
+        Whether bins count within 3 measured widths of the lowest-mass PDF instead of 3 σ_ε.
     backend
         ``matplotlib`` for files, ``bokeh`` for the browser.
     """
     # Collect
     observed = [collect(cache, ensemble) for ensemble in ensembles]
     # Compute
-    comparison = compare([o.noisy(noise) for o in observed], noise, n_bin)
+    comparison = compare([o.noisy(noise) for o in observed], noise, n_bin, measured=measured)
     # Plot
     return draw(comparison, fiducial, [o.config for o in observed], backend)
 
@@ -237,6 +240,43 @@ def sentence(comparison: Comparison, fiducial: int, configs: Sequence[EnsembleCo
         f"If the perturbers are {model_text(fiducial, configs[fiducial].perturbers.mass_range)}: "
         f"{'; '.join(parts)}. {grey} of {len(comparison.centers)} bins are excluded (grey). "
         "The sum ignores correlations between bins; bars are the spread over 10 to 500 bins of y."
+    )
+
+
+def growth_table(curves: Mapping[int, Growth], fiducial: int) -> pd.DataFrame:
+    """The numbers of the figure of growth, one line per model compared with and number of streams."""
+    parts = [
+        pd.DataFrame(
+            {
+                "fiducial": f"M{fiducial}",
+                "against": f"M{j}",
+                "n_streams": curve.n_streams,
+                "sum_ln_bayes": curve.mean,
+                "scatter": curve.scatter,
+                "bins_in_sum": curve.n_kept,
+            }
+        )
+        for j, curve in curves.items()
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def growth_sentence(curves: Mapping[int, Growth], fiducial: int, n_bin: int) -> str:
+    """What the figure of growth shows now, in words."""
+    parts = []
+    for j, curve in curves.items():
+        if len(curve.mean) < 2:
+            parts.append(f"against M{j} there are too few streams to tell")
+            continue
+        half = int(np.searchsorted(curve.n_streams, curve.n_streams[-1] / 2))
+        change = curve.mean[-1] - curve.mean[half]
+        parts.append(
+            f"against M{j} Σ ln B is {curve.mean[-1]:.1f} from {curve.n_streams[-1]} streams, "
+            f"{change:+.1f} since {curve.n_streams[half]}"
+        )
+    return (
+        f"Fiducial M{fiducial}, {n_bin} bins of Qρ: {'; '.join(parts)}. Bars: scatter between separate sets "
+        "of as many streams. Here y is cut into 20 to 400 bins, so values differ slightly from the table."
     )
 
 

@@ -27,7 +27,8 @@ from streamdash.plots.elements import (
 from streamdash.plots.live import Backend, Columns, area_columns, use
 from streamdash.plots.style import class_colour, model_text
 from streamdash.store import Cache
-from streamdash.survey import add_noise, longitude_bins, q_rho, shot_noise
+from streamdash.survey import add_noise, longitude_bins, q_rho
+from streamdash.survey_bands import noise_draws
 
 N_Y = 50
 """Bins of y in Π(y_α|M), as in the paper's figure 4."""
@@ -53,6 +54,7 @@ def pdf_figure(
     ensembles: Sequence[str | EnsembleConfig],
     noise: float = 0.1,
     n_bin: int = 20,
+    measured: bool = False,
     backend: Backend = "matplotlib",
 ) -> hv.Overlay:
     """PDF(Qρ) of each class: median and 68 % band over streams, excluded bins grey (paper fig. 3).
@@ -67,13 +69,15 @@ def pdf_figure(
         Shot noise σ_ε per 0.2° bin.
     n_bin
         Number of bins in Qρ.
+    measured
+        Whether bins count within 3 measured widths of the lowest-mass PDF instead of 3 σ_ε.
     backend
         ``matplotlib`` for files, ``bokeh`` for the browser.
     """
     # Collect
     observed = [collect(cache, ensemble) for ensemble in ensembles]
     # Compute
-    comparison = compare([o.noisy(noise) for o in observed], noise, n_bin)
+    comparison = compare([o.noisy(noise) for o in observed], noise, n_bin, measured=measured)
     # Plot
     return draw(comparison, [o.config for o in observed], backend)
 
@@ -116,7 +120,7 @@ def collect(cache: Cache, ensemble: str | EnsembleConfig) -> Observed:
 def observe_ensemble(geometry, dataset, config: EnsembleConfig) -> Observed:
     """Qρ per 0.2° bin of an ensemble, and the noise draws that belong to it."""
     q = q_rho(geometry, dataset, longitude_bins(geometry))
-    return Observed(config, q, shot_noise(q.shape, int(config.key, 16)))
+    return Observed(config, q, noise_draws(config, q.shape))
 
 
 # ---------------------------------------------------------------- plot: PDF(Qρ)

@@ -1,0 +1,140 @@
+"""Σ ln B against the number of bins: the plain sum, all bins together, and the paper's (paper table 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import holoviews as hv
+import numpy as np
+import pandas as pd
+
+from streamdash.config import EnsembleConfig
+from streamdash.evidence_table import paper_value
+from streamdash.plots.elements import error_bars, framed, level_lines, line, nice_top, points
+from streamdash.plots.live import Backend, use
+from streamdash.plots.style import INK, class_colour, model_text
+
+Tables = Sequence[dict[str, Any]]
+"""Result of `streamdash.evidence_table.cumulative_tables`."""
+
+
+def draw(tables: Tables, fiducial: int, backend: Backend, title: str = "", paper: bool = False) -> hv.Overlay:
+    """Σ ln B for one fiducial against each other model, for several numbers of bins.
+
+    Parameters
+    ----------
+    tables
+        Cumulative evidence per number of bins.
+    fiducial
+        Number of the model the data are assumed to come from.
+    backend
+        ``matplotlib`` for files, ``bokeh`` for the browser.
+    title
+    paper
+        Whether the classes are the paper's two, so that its values can be shown (crosses).
+    """
+    use(backend)
+    data = columns(tables, fiducial, paper)
+    parts: list[hv.Element] = [level_lines("zero", [0.0], backend, dashed=False)]
+    for j in rivals(tables, fiducial):
+        colour, total, joint, bars = class_colour(j), data[f"sum {j}"], data[f"joint {j}"], data[f"error {j}"]
+        parts.append(error_bars(f"error {j}", bars["base"], bars["lower"], bars["upper"], colour, backend))
+        parts.append(line(f"sum {j}", total["x"], total["y"], colour, backend))
+        parts.append(points(f"dots {j}", total["x"], total["y"], colour, backend))
+        parts.append(line(f"joint {j}", joint["x"], joint["y"], colour, backend, dashed=True))
+        if paper:
+            cross = data[f"paper {j}"]
+            parts.append(_crosses(f"paper {j}", cross["x"], cross["y"], backend))
+    top, bottom = _ends(data)
+    ticks = [(place, str(table["n_bin"])) for place, table in enumerate(tables)]
+    frame = ((-0.3, len(tables) - 0.7), (bottom, top))
+    overlay = framed(parts, "N_bin: bins of Qρ", f"Σ ln B for M{fiducial}", *frame, backend, title)
+    return overlay.opts(xticks=ticks, backend=backend)
+
+
+def columns(tables: Tables, fiducial: int, paper: bool) -> dict[str, dict[str, np.ndarray]]:
+    """Arrays of the figure by element label and column name."""
+    x = np.arange(len(tables), dtype=float)
+    result: dict[str, dict[str, np.ndarray]] = {}
+    for j in rivals(tables, fiducial):
+        rows = [row(table, fiducial, j) for table in tables]
+        total = np.array([r["sum"] for r in rows])
+        error = np.nan_to_num([r["sampling_error"] for r in rows])
+        result[f"sum {j}"] = result[f"dots {j}"] = {"x": x, "y": total}
+        result[f"joint {j}"] = {"x": x, "y": np.array([r["joint"] for r in rows])}
+        result[f"error {j}"] = {"base": x, "lower": total - error, "upper": total + error}
+        if paper:
+            values = [paper_value(fiducial, j, table["n_bin"]) for table in tables]
+            result[f"paper {j}"] = {"x": x, "y": np.array(values, dtype=float)}
+    return result
+
+
+def rivals(tables: Tables, fiducial: int) -> list[int]:
+    """Models that a fiducial is compared with."""
+    return [pair["j"] for pair in tables[0]["pairs"] if pair["i"] == fiducial]
+
+
+def row(table: dict[str, Any], i: int, j: int) -> dict[str, Any]:
+    """The row of a pair."""
+    return next(pair for pair in table["pairs"] if (pair["i"], pair["j"]) == (i, j))
+
+
+def table(tables: Tables, configs: Sequence[EnsembleConfig], paper: bool) -> pd.DataFrame:
+    """All numbers of the cumulative evidence, one line per pair and number of bins."""
+    lines = []
+    for entry in tables:
+        for pair in entry["pairs"]:
+            names = {
+                "n_bin": entry["n_bin"],
+                "fiducial": f"M{pair['i']}",
+                "against": f"M{pair['j']}",
+                "fiducial_mass_range_msun": configs[pair["i"]].perturbers.label,
+                "against_mass_range_msun": configs[pair["j"]].perturbers.label,
+            }
+            numbers = {name: value for name, value in pair.items() if name not in ("i", "j", "paper")}
+            published = {"paper": paper_value(pair["i"], pair["j"], entry["n_bin"])} if paper else {}
+            lines.append({**names, **numbers, **published})
+    return pd.DataFrame(lines)
+
+
+def sentence(tables: Tables, fiducial: int, configs: Sequence[EnsembleConfig]) -> str:
+    """What the table and figure of cumulative evidence say now, in words."""
+    parts = []
+    for j in rivals(tables, fiducial):
+        name = model_text(j, configs[j].perturbers.mass_range)
+        ends = [row(table, fiducial, j) for table in (tables[0], tables[-1])]
+        if not all(end["n_kept"] for end in ends):
+            parts.append(f"against {name} nothing can be compared at some N_bin")
+            continue
+        low, high = tables[0]["n_bin"], tables[-1]["n_bin"]
+        parts.append(
+            f"against {name} the plain sum goes from {ends[0]['sum']:.1f} at {low} bins to "
+            f"{ends[1]['sum']:.1f} at {high}, all bins together from {_at_least(ends[0])} to "
+            f"{_at_least(ends[1])}"
+        )
+    truth = model_text(fiducial, configs[fiducial].perturbers.mass_range)
+    return (
+        f"If the perturbers are {truth}: {'; '.join(parts)}. The plain sum counts correlated bins several "
+        "times; all bins together do not. ≥ marks components in which the classes never overlap."
+    )
+
+
+def _at_least(pair: dict[str, Any]) -> str:
+    return f"{'≥ ' if pair['n_unresolved'] else ''}{pair['joint']:.1f}"
+
+
+def _crosses(label: str, x: np.ndarray, y: np.ndarray, backend: Backend) -> hv.Scatter:
+    crosses = hv.Scatter((x, y), "x", "y", label=label)
+    if backend == "matplotlib":
+        return crosses.opts(color=INK["light"], marker="x", s=40, backend=backend)
+    return crosses.opts(line_color=INK["light"], marker="x", size=11, line_width=2, backend=backend)
+
+
+def _ends(data: dict[str, dict[str, np.ndarray]]) -> tuple[float, float]:
+    values = np.concatenate(
+        [v for part in data.values() for name, v in part.items() if name not in ("x", "base")]
+    )
+    values = values[np.isfinite(values)]
+    low, high = (values.min(), values.max()) if len(values) else (0.0, 1.0)
+    return nice_top(max(float(high), 1.0)), (-nice_top(-float(low)) if low < 0 else 0.0)
