@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sklearn
 import xgboost
 from scipy.optimize import minimize_scalar
-from scipy.special import log_softmax, softmax
+from scipy.special import log_softmax
 
 from streamdash.classifier_data import (
     Cancelled,
@@ -50,7 +51,7 @@ class Judged:
     probability : ndarray (n_test, n_classes)
     scores : Scores
     seconds : float
-        What the training took.
+        What the training took; not a number for a model read from disk.
     """
 
     classifier: Classifier
@@ -125,10 +126,6 @@ def train(
     booster = boost(features(q), y, settings, n_trees, watch=watch, workers=workers)
     seconds = time.perf_counter() - started
 
-    observed = streams.observed(noise)[sets.test]
-    truth = streams.y[sets.test]
-    probability = softmax(class_margins(booster, features(observed)) / temperature, axis=1)
-    scores = evaluate(truth, probability, seed=settings.seed)
     card = ModelCard(
         labels=streams.labels,
         data_keys=streams.keys,
@@ -139,10 +136,34 @@ def train(
         settings=settings,
         n_trees=n_trees,
         temperature=temperature,
-        scores=scores.to_dict(),
         versions={m.__name__: m.__version__ for m in (xgboost, sklearn, np)},
     )
-    return Judged(Classifier(card, features, booster), sets.test, truth, probability, scores, seconds)
+    judged = judge(Classifier(card, features, booster), streams, sets, seconds)
+    card = card.model_copy(update={"scores": judged.scores.to_dict()})
+    return replace(judged, classifier=Classifier(card, features, booster))
+
+
+def judge(
+    classifier: Classifier,
+    streams: LabelledStreams,
+    sets: Split | None = None,
+    seconds: float = math.nan,
+) -> Judged:
+    """Have a classifier say what the test streams are; for one just trained, or read from disk.
+
+    Raises
+    ------
+    ClassifierError
+        When the model was made from other streams.
+    """
+    card = classifier.card
+    if card.data_digest != streams.digest:
+        raise ClassifierError("The model was trained on other streams than these; train it on these.")
+    test = (sets or split(streams.y, card.settings.seed)).test
+    truth = streams.y[test]
+    probability = classifier.predict_proba(streams.observed(np.asarray(card.noise))[test])
+    scores = evaluate(truth, probability, seed=card.settings.seed)
+    return Judged(classifier, test, truth, probability, scores, seconds)
 
 
 def check_noise(noise: float | np.ndarray, n_bins: int) -> None:

@@ -97,7 +97,9 @@ class ModelCard(Config):
     settings: ClassifierConfig
     n_trees: int = Field(ge=1, description="trees per class in the model")
     temperature: Finite = Field(gt=0)
-    scores: dict[str, Any] = Field(description="on the test streams, see `streamdash.scores.Scores`")
+    scores: dict[str, Any] = Field(
+        default={}, description="on the test streams, see `streamdash.scores.Scores`"
+    )
     versions: dict[str, str]
 
 

@@ -130,14 +130,15 @@ def evaluate(y: np.ndarray, probability: np.ndarray, n_bootstrap: int = 200, see
     present = np.bincount(y, minlength=n_classes)
     if np.any(present == 0):
         raise ValueError(f"Class {int(np.argmin(present))} has no test stream; simulate more streams.")
-    rng = np.random.default_rng(seed)
-    values = _all_scores(y, probability)
-    draws = []
-    for _ in range(n_bootstrap):
-        # within each class, so that no resampling lacks one
-        rows = np.concatenate([rng.choice(np.flatnonzero(y == c), present[c]) for c in range(n_classes)])
-        draws.append(_all_scores(y[rows], probability[rows]))
-    errors = {name: np.std([d[name] for d in draws], axis=0) for name in values} if draws else {}
+    values = {name: value[0] for name, value in _weighted(y, probability, np.ones((1, len(y)))).items()}
+    errors = {}
+    if n_bootstrap:
+        rng = np.random.default_rng(seed)
+        weights = np.zeros((n_bootstrap, len(y)))
+        for c in range(n_classes):  # within each class, so that no resampling lacks one
+            share = np.full(present[c], 1 / present[c])
+            weights[:, y == c] = rng.multinomial(present[c], share, n_bootstrap)
+        errors = {name: value.std(axis=0) for name, value in _weighted(y, probability, weights).items()}
     return Scores(_counts(y, probability), values, errors)
 
 
@@ -163,7 +164,7 @@ def calibration(y: np.ndarray, probability: np.ndarray, n_bins: int = N_CONFIDEN
     """Reliability of the chosen class's probability in ``n_bins`` equal bins of it."""
     confidence = probability.max(axis=1)
     right = (probability.argmax(axis=1) == y).astype(float)
-    bins = np.minimum((confidence * n_bins).astype(int), n_bins - 1)
+    bins = _confidence_bin(probability, n_bins)
     count = np.bincount(bins, minlength=n_bins)
     used = count > 0
     n = count[used]
@@ -177,14 +178,39 @@ def _counts(y: np.ndarray, probability: np.ndarray) -> np.ndarray:
     return metrics.confusion_matrix(y, probability.argmax(axis=1), labels=np.arange(n_classes))
 
 
-def _all_scores(y: np.ndarray, probability: np.ndarray) -> dict[str, np.ndarray]:
+def _weighted(y: np.ndarray, probability: np.ndarray, weights: np.ndarray) -> dict[str, np.ndarray]:
+    """All scores with the streams counted as often as ``weights`` (n_resamplings, n_streams) say.
+
+    A resampling is a set of weights, so that all of them are a few products of matrices;
+    scikit-learn's functions, one resampling at a time, take longer than the training.
+    """
     n_classes = probability.shape[1]
-    scores = count_scores(_counts(y, probability))
-    scores["auc"] = np.array([metrics.roc_auc_score(y == c, probability[:, c]) for c in range(n_classes)])
+    total = weights.sum(axis=1)
+    cell = y * n_classes + probability.argmax(axis=1)
+    counts = weights @ np.eye(n_classes**2)[cell]
+    scores = count_scores(counts.reshape(-1, n_classes, n_classes))
+    scores["auc"] = np.stack([_auc(y == c, probability[:, c], weights) for c in range(n_classes)], axis=-1)
     chosen = np.maximum(probability[np.arange(len(y)), y], 1e-15)
-    scores["log_loss"] = -np.log(chosen).mean()
-    scores["ece"] = np.float64(calibration(y, probability).ece)
+    scores["log_loss"] = weights @ -np.log(chosen) / total
+    bins = np.eye(N_CONFIDENCE_BINS)[_confidence_bin(probability, N_CONFIDENCE_BINS)]
+    surplus = (probability.argmax(axis=1) == y) - probability.max(axis=1)
+    scores["ece"] = np.abs(weights @ (bins * surplus[:, None])).sum(axis=1) / total
     return scores
+
+
+def _auc(positive: np.ndarray, score: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Chance that a stream of the class scores higher than one of the others, ties half."""
+    order = np.argsort(score)
+    starts = np.flatnonzero(np.concatenate([[True], np.diff(score[order]) > 0]))
+    ours = np.add.reduceat(np.where(positive, weights, 0)[:, order], starts, axis=1)
+    others = np.add.reduceat(np.where(positive, 0, weights)[:, order], starts, axis=1)
+    lower = np.cumsum(others, axis=1) - 0.5 * others
+    return (ours * lower).sum(axis=1) / (ours.sum(axis=1) * others.sum(axis=1))
+
+
+def _confidence_bin(probability: np.ndarray, n_bins: int) -> np.ndarray:
+    """Bin of each stream's highest probability, (n_streams,)."""
+    return np.minimum((probability.max(axis=1) * n_bins).astype(int), n_bins - 1)
 
 
 def _ratio(numerator: np.ndarray, denominator: np.ndarray) -> np.ndarray:

@@ -10,8 +10,8 @@ import sys
 import numpy as np
 import pytest
 
-from streamdash.classifier import model_key, train
-from streamdash.classifier_data import LabelledStreams
+from streamdash.classifier import judge, model_key, train
+from streamdash.classifier_data import ClassifierError, LabelledStreams
 from streamdash.classifier_model import Boosting, ClassifierConfig
 from streamdash.classifier_store import ModelFileError, ModelStore, read_model, write_model
 from streamdash.features import FeatureSet
@@ -69,6 +69,14 @@ def test_fresh_process_predicts_the_same(folder, streams, classifier):
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     subprocess.run([sys.executable, "-c", code, str(folder)], check=True, env=environment)
     np.testing.assert_array_equal(np.load(folder / "p.npy"), classifier.predict_proba(q))
+
+
+def test_model_that_was_read_judges_as_it_did(folder, streams):
+    trained, again = train(streams, 0.1, SETTINGS, workers=1), judge(read_model(folder), streams)
+    np.testing.assert_array_equal(again.probability, trained.probability)
+    assert again.scores.to_dict() == trained.scores.to_dict() == again.classifier.card.scores
+    with pytest.raises(ClassifierError, match="other streams"):
+        judge(read_model(folder), LabelledStreams(streams.q[:2], streams.draws[:2], streams.labels[:2]))
 
 
 def test_card_tells_what_the_model_depends_on(folder, streams):
