@@ -33,6 +33,7 @@ LEGEND = (
     ("grey", "excluded: far from the peak, or too few samples"),
     ("dashes", "|ln B| = 1, 2.5, 5: weak, moderate, strong"),
 )
+WAITING = "Computing …"
 PAPER_RANGES = ["1e3-1e5", "1e5-1e9"]
 
 
@@ -46,14 +47,15 @@ class EvidencePage(Page):
         self.data = shared_comparison(self.services, self.session)
         self.tables: list[dict[str, Any]] = []
         self.curves: dict[int, Growth] = {}
+        self.live_chart: LiveFigure | None = None
         self.later_table = Later(self.services, self._show_table, self._fail_table)
         self.later_growth = Later(self.services, self._show_growth, self._fail_growth)
         self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.table_pane = pn.pane.HTML(
-            "<p>Computing …</p>", stylesheets=[STYLE], sizing_mode=ui.WIDE, css_classes=["sd-table-1"]
+            WAITING, stylesheets=[STYLE], sizing_mode=ui.WIDE, css_classes=["sd-table-1"]
         )
         self.chart = pn.Column(sizing_mode=ui.WIDE, margin=0)
-        self.growth_slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.growth_slot = pn.Column(ui.plain_text(WAITING), sizing_mode=ui.WIDE, margin=0)
         self._make_cards()
         self._draw()
         self._ask()
@@ -77,6 +79,8 @@ class EvidencePage(Page):
         return [c.perturbers.label for c in configs(self.session)] == PAPER_RANGES
 
     def update(self, changed: frozenset[str]) -> None:
+        if "theme" in changed and self.live_chart is not None:
+            self.live_chart.set_ink(self.session.theme == "dark")
         if changed == {"theme"}:
             return
         if changed & {"noise", "n_bin", "exclude"}:
@@ -137,10 +141,7 @@ class EvidencePage(Page):
     # ------------------------------------------------------------ building
 
     def _controls(self) -> Viewable:
-        fiducials = {
-            f"M{i} · {mass_text(config.perturbers.mass_range)}": i
-            for i, config in enumerate(configs(self.session))
-        }
+        fiducials = {f"M{i}": i for i in range(len(self.session.ensembles))}
         self.session.fiducial = self.fiducial
         widths = {"σ_ε (paper)": "noise", "PDF’s own width": "measured"}
         return ui.controls(
@@ -174,7 +175,7 @@ class EvidencePage(Page):
                 (
                     ("line", "sum over bins, ± scatter over streams (bootstrap)"),
                     ("dashes", "all bins together, correlations included"),
-                    *((("ink", "×: paper"),) if self.is_paper else ()),
+                    *((("none", "×  paper, table 1"),) if self.is_paper else ()),
                 ),
                 count,
             ),
@@ -229,8 +230,10 @@ class EvidencePage(Page):
     def _show_table(self, tables: list[dict[str, Any]]) -> None:
         self.tables = tables
         self._write_table(waiting=False)
-        figure = LiveFigure(self._cumulative("bokeh")).figure
-        self.chart[:] = [pn.pane.Bokeh(figure, sizing_mode=ui.WIDE, margin=0)]
+        crosses = tuple(f"paper {j}" for j in cumulative.rivals(tables, self.fiducial))
+        self.live_chart = LiveFigure(self._cumulative("bokeh"), ink=crosses)
+        self.live_chart.set_ink(self.session.theme == "dark")
+        self.chart[:] = [pn.pane.Bokeh(self.live_chart.figure, sizing_mode=ui.WIDE, margin=0)]
         self.table_card.say(cumulative.sentence(tables, self.fiducial, configs(self.session)))
 
     def _write_table(self, waiting: bool) -> None:

@@ -239,8 +239,7 @@ def y_columns(comparison: Comparison, selected: int) -> Columns:
 def y_frame(comparison: Comparison, selected: int) -> dict[str, tuple[float, float]]:
     """Ranges of the axes of Π(y_α|M)."""
     edges, heights = y_heights(comparison, selected)
-    right = nice_top(float(edges[-1]))
-    return {"x": (min(0.0, float(edges[0])), right), "y": (0.0, nice_top(float(heights.max())))}
+    return {"x": (min(0.0, float(edges[0])), float(edges[-1])), "y": (0.0, nice_top(float(heights.max())))}
 
 
 # ---------------------------------------------------------------- words and numbers

@@ -1,6 +1,8 @@
 """How long a slider move takes until the new figure is painted, in Chromium, with the shipped cache.
 
     python tests/benchmarks/slider_latency.py --page profiles --slider noise
+    python tests/benchmarks/slider_latency.py --page pdf --slider n_bin
+    python tests/benchmarks/slider_latency.py --page evidence --slider noise --only "ln B for"
 
 Presses an arrow key on the slider and takes the time from the key until the frame after every
 figure on the page has painted its new data. Server and browser share the machine.
@@ -20,8 +22,9 @@ THREE_CLASSES = "1e3-1e5,1e5-1e7,1e7-1e9"
 
 # One move: from the key being pressed to the frame in which all figures have painted new data.
 WATCH = """
-() => {
-  const views = sd.figures().map(sd.view).filter(v => v != null)
+(only) => {
+  const wanted = f => f.left.some(axis => (axis.axis_label ?? "").includes(only))
+  const views = sd.figures().filter(wanted).map(sd.view).filter(v => v != null)
   const sources = new Map()
   for (const view of views) {
     for (const r of sd.renderers(view.model)) { sources.set(r.data_source, view) }
@@ -56,10 +59,10 @@ WATCH = """
 """
 
 
-def measure(page: Page, slider: str, moves: int) -> np.ndarray:
+def measure(page: Page, slider: str, moves: int, only: str = "") -> np.ndarray:
     """Milliseconds from key to painted figure, one per move after three that are not counted."""
     thumb = page.locator(f".sd-{slider} .MuiSlider-thumb input").first
-    page.evaluate(WATCH)
+    page.evaluate(WATCH, only)
     thumb.focus()
     times = []
     for i in range(moves + 3):
@@ -75,6 +78,9 @@ def main() -> None:
     parser.add_argument("--page", default="profiles", help="key of the page")
     parser.add_argument("--slider", default="noise", help="name of the slider: its class is sd-NAME")
     parser.add_argument("--mass", default=THREE_CLASSES, help="mass ranges, as in a link")
+    parser.add_argument(
+        "--only", default="", help="watch figures whose vertical axis label contains this; default all"
+    )
     parser.add_argument("--moves", type=int, default=60)
     parser.add_argument("--cache", type=Path, default=ROOT / "cache")
     arguments = parser.parse_args()
@@ -83,7 +89,7 @@ def main() -> None:
         page = browser.new_page(viewport={"width": 1440, "height": 900})
         query = f"?page={arguments.page}&mass={arguments.mass}"
         open_app(page, address, query)
-        times = measure(page, arguments.slider, arguments.moves)
+        times = measure(page, arguments.slider, arguments.moves, arguments.only)
         figures = page.evaluate("() => sd.figures().length")
         browser.close()
     p50, p95 = np.percentile(times, [50, 95])
