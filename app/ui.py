@@ -102,33 +102,35 @@ def plain_text(text: str, **params: Any) -> pn.pane.HTML:
 
 def message(sentences: Sequence[str], kind: str = "info") -> pmui.Alert:
     """Sentences in a coloured bar that can be closed; ``kind`` is info, warning or error."""
-    return _alert("<br>".join(map(html.escape, sentences)), kind, "sd-message", closeable=True)
+    return _alert(sentences, kind, "sd-message", closeable=True)
 
 
 def error_state(sentence: str) -> pmui.Alert:
     """What takes the place of a page or panel that cannot be shown."""
-    return _alert(html.escape(sentence), "error", "sd-error-state")
-
-
-def _alert(markup: str, kind: str, css_class: str, **params: Any) -> pmui.Alert:
-    return pmui.Alert(
-        markup,
-        severity=kind,
-        sizing_mode=WIDE,
-        margin=(8, 16),
-        sx={"py": "2px", "& p": {"m": 0}},
-        css_classes=[css_class, f"sd-{kind}"],
-        **params,
-    )
+    return _alert([sentence], "error", "sd-error-state")
 
 
 def no_ensembles() -> pmui.Alert:
     """What a page shows when the cache holds nothing to show."""
     return _alert(
-        "There are no simulated streams in the cache yet. "
-        "Run <code>streamdash simulate --mass 1e3-1e5</code> and reload this page.",
+        [
+            "There are no simulated streams in the cache yet.",
+            "Run “streamdash simulate --mass 1e3-1e5 --streams 1000”, the same for 1e5-1e9, and reload.",
+        ],
         "info",
         "sd-empty-state",
+    )
+
+
+def _alert(sentences: Sequence[str], kind: str, css_class: str, **params: Any) -> pmui.Alert:
+    return pmui.Alert(
+        # Not the alert's own text: that is read as Markdown.
+        *(plain_text(sentence, margin=0) for sentence in sentences),
+        severity=kind,
+        sizing_mode=WIDE,
+        margin=(8, 16),
+        css_classes=[css_class, f"sd-{kind}"],
+        **params,
     )
 
 
@@ -296,6 +298,11 @@ class FigureCard:
         Returns the lines of Python that make the figure as it is now.
     legend
         Shown between heading and figure.
+
+    Attributes
+    ----------
+    files : dict
+        By kind (``png``, ``svg``, ``csv``), what a download calls for its bytes.
     """
 
     def __init__(
@@ -314,14 +321,12 @@ class FigureCard:
         self._listing = pn.pane.HTML("", sizing_mode=WIDE, margin=0, css_classes=["sd-code"])
         figures = figures if isinstance(figures, list | tuple) else [figures]
         heading = pmui.Typography(html.escape(title), variant="h6", margin=0, sx={"flex": "1 1 auto"})
-        files = [
-            _download(f"streamdash-{name}.{kind}", kind, make)
-            for kind, make in (
-                ("png", lambda: image("png")),
-                ("svg", lambda: image("svg")),
-                ("csv", lambda: table().to_csv(index=False, float_format="%.6g").encode()),
-            )
-        ]
+        self.files = {
+            "png": lambda: image("png"),
+            "svg": lambda: image("svg"),
+            "csv": lambda: table().to_csv(index=False, float_format="%.6g").encode(),
+        }
+        files = [_download(f"streamdash-{name}.{kind}", kind, make) for kind, make in self.files.items()]
         self._accordion = pmui.Accordion(
             ("Show the code", self._listing),
             title_variant="body2",
@@ -376,7 +381,7 @@ def legend(entries: Sequence[tuple[str, str]], classes: int) -> pn.pane.HTML:
     ----------
     entries
         Kind of swatch and words; kinds are ``image``, ``band``, ``line``, ``ink``, ``dashes``,
-        ``grey``, ``frame`` and ``dots``.
+        ``grey``, ``frame``, ``dots`` and ``none``.
         Bands, lines and dots show the colours of all classes.
     classes
         Number of classes shown.
@@ -408,5 +413,6 @@ LEGEND_STYLE = """
 .dashes { height: 0; border-top: 2px dashed currentColor; }
 .grey { height: 10px; background: #80808040; }
 .frame { height: 8px; border: 2px solid currentColor; border-width: 0 2px; width: 12px; }
+.none { display: none; }
 .dots { height: 8px; border-radius: 4px; background: var(--classes); }
 """
