@@ -15,6 +15,12 @@ from functools import cached_property
 import numpy as np
 from sklearn.model_selection import train_test_split
 
+from streamdash import survey
+from streamdash.config import EnsembleConfig
+from streamdash.geometry import load_geometry
+from streamdash.store import Cache
+from streamdash.survey_bands import noise_draws
+
 TEST_SHARE = 0.25
 """Share of all streams kept for testing (paper §2.5)."""
 VALIDATION_SHARE = 0.25
@@ -47,6 +53,8 @@ class LabelledStreams:
         What each class's streams are: the key of the ensemble's configuration.
     ell : ndarray (n_bins,), optional
         Centre of each bin in degrees (or in any other coordinate along the stream).
+    n_impacts : tuple of ndarray (n_streams,), optional
+        Subhalos that hit each stream; nothing is learnt from them, they explain mistakes.
 
     Raises
     ------
@@ -59,6 +67,7 @@ class LabelledStreams:
     labels: tuple[str, ...]
     keys: tuple[str, ...] = ()
     ell: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    n_impacts: tuple[np.ndarray, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.keys:
@@ -128,6 +137,39 @@ class Split:
     train: np.ndarray
     validation: np.ndarray
     test: np.ndarray
+
+
+def read_streams(cache: Cache, ensembles: Sequence[str | EnsembleConfig]) -> LabelledStreams:
+    """Streams of 2 to 4 ensembles in 0.2° bins of longitude, each with its own noise draws.
+
+    Parameters
+    ----------
+    cache : Cache
+    ensembles : sequence of str or EnsembleConfig
+        Keys or configurations of complete ensembles of one stream model, lowest masses first.
+
+    Raises
+    ------
+    StoreError
+        When an ensemble is missing or damaged.
+    ClassifierError
+        When they do not make classes of one problem.
+    """
+    configs = [e if isinstance(e, EnsembleConfig) else cache.find(e).config for e in ensembles]
+    if len({config.stream.key for config in configs}) > 1:
+        raise ClassifierError("All mass ranges must be simulated for the same stream.")
+    geometry = load_geometry(configs[0].stream, cache)
+    edges = survey.longitude_bins(geometry)
+    datasets = [cache.open_ensemble(config) for config in configs]
+    q = tuple(survey.q_rho(geometry, dataset, edges) for dataset in datasets)
+    return LabelledStreams(
+        q,
+        tuple(noise_draws(config, x.shape) for config, x in zip(configs, q, strict=True)),
+        tuple(config.perturbers.label for config in configs),
+        tuple(config.key for config in configs),
+        0.5 * (edges[:-1] + edges[1:]),
+        tuple(dataset["n_impacts"].to_numpy() for dataset in datasets),
+    )
 
 
 def split(y: np.ndarray, seed: int) -> Split:

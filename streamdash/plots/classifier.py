@@ -1,0 +1,296 @@
+"""Confusion matrix, ROC, calibration and the streams behind a cell (paper fig. 6, table 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import holoviews as hv
+import numpy as np
+import pandas as pd
+
+from streamdash.classifier import Judged, train
+from streamdash.classifier_data import LabelledStreams, read_streams
+from streamdash.classifier_model import BEST, PAPER_SCORES, ClassifierConfig
+from streamdash.config import EnsembleConfig, parse_mass_range
+from streamdash.plots.elements import GREY, error_bars, framed, line, points
+from streamdash.plots.live import TOOLS, Backend, use
+from streamdash.plots.style import COORDINATE_LABELS, INK, class_colour, mass_text
+from streamdash.scores import calibration, roc
+from streamdash.store import Cache
+
+PAPER_CLASSES = {2: ("1e3-1e5", "1e5-1e9"), 3: ("1e3-1e5", "1e5-1e7", "1e7-1e9")}
+"""Mass ranges for which the paper states scores."""
+METRICS = {"precision": "Precision", "recall": "Recall", "f1": "F₁", "accuracy": "Accuracy", "auc": "AUC"}
+SHOWN_STREAMS = 6
+"""Streams of a cell that are drawn, the least certain first."""
+
+
+def confusion_figure(
+    cache: Cache,
+    ensembles: Sequence[str | EnsembleConfig],
+    noise: float = 0.1,
+    settings: ClassifierConfig = BEST,
+    backend: Backend = "matplotlib",
+) -> hv.Overlay:
+    """Confusion matrix on the test streams (paper fig. 6).
+
+    Parameters
+    ----------
+    cache
+        Where the ensembles and the stream's geometry are.
+    ensembles
+        Keys or configurations, lowest masses first.
+    noise
+        Shot noise σ_ε per 0.2° bin.
+    settings
+        The classifier.
+    backend
+        ``matplotlib`` for files, ``bokeh`` for the browser.
+    """
+    # Collect
+    streams = read_streams(cache, ensembles)
+    # Compute
+    judged = train(streams, noise, settings)
+    # Plot
+    return draw_matrix(judged, backend)
+
+
+def class_names(labels: Sequence[str]) -> list[str]:
+    """Classes as people read them: ``10³–10⁵ M☉``."""
+    return [mass_text(parse_mass_range(label)) for label in labels]
+
+
+def paper_scores(labels: Sequence[str]) -> dict | None:
+    """What the paper states for these classes, or None when it did not look at them."""
+    n_classes = len(labels)
+    return PAPER_SCORES[n_classes] if PAPER_CLASSES.get(n_classes) == tuple(labels) else None
+
+
+# ---------------------------------------------------------------- confusion matrix
+
+
+def draw_matrix(
+    judged: Judged, backend: Backend, selected: tuple[int, int] | None = None, dark: bool = False
+) -> hv.Overlay:
+    """Counts and percentages; rows are the true classes from top to bottom.
+
+    Cell (truth i, taken for j) is the square around x = j, y = −i.
+    """
+    use(backend)
+    n_classes = len(judged.scores.counts)
+    shares = judged.scores.percent / 100
+    cells, texts = [], []
+    for i in range(n_classes):
+        for j in range(n_classes):
+            colour = f"{class_colour(i)}{round(20 + 225 * shares[i, j]):02x}"
+            cells.append((j - 0.48, -i - 0.46, j + 0.48, -i + 0.46, colour))
+            ink = "#ffffff" if shares[i, j] > 0.45 else INK["dark" if dark else "light"]
+            words = f"{judged.scores.counts[i, j]}\n{100 * shares[i, j]:.1f} %"
+            texts.append((j, -i, words, ink))
+    squares = hv.Rectangles(cells, vdims="colour", label="cells")
+    words = hv.Labels(texts, ["x", "y"], ["text", "ink"], label="words")
+    parts: list[hv.Element] = [_styled(squares, words, backend)]
+    if selected is not None:
+        i, j = selected
+        frame = hv.Rectangles([(j - 0.48, -i - 0.46, j + 0.48, -i + 0.46)], label="selected")
+        parts.append(_framed_cell(frame, backend, dark))
+    names = class_names(judged.classifier.card.labels)
+    overlay = framed(
+        parts,
+        "Taken for",
+        "True class",
+        (-0.5, n_classes - 0.5),
+        (-n_classes + 0.5, 0.5),
+        backend,
+    )
+    ticks = {
+        "xticks": list(enumerate(names)),
+        "yticks": [(-i, name) for i, name in enumerate(names)],
+        "backend": backend,
+    }
+    if backend == "bokeh":
+        return overlay.opts(**ticks, tools=[], default_tools=[], toolbar=None, height=90 + 90 * n_classes)
+    return overlay.opts(**ticks, aspect=1.3)
+
+
+def _styled(squares: hv.Rectangles, words: hv.Labels, backend: Backend) -> hv.Overlay:
+    if backend == "matplotlib":
+        squares = squares.opts(facecolor=hv.dim("colour"), edgecolor="none", backend=backend)
+        words = words.opts(color=hv.dim("ink"), size=11, backend=backend)
+    else:
+        squares = squares.opts(color=hv.dim("colour"), line_alpha=0, backend=backend)
+        words = words.opts(text_color=hv.dim("ink"), text_font_size="12pt", backend=backend)
+    return squares * words
+
+
+def _framed_cell(frame: hv.Rectangles, backend: Backend, dark: bool) -> hv.Rectangles:
+    ink = INK["dark" if dark else "light"]
+    if backend == "matplotlib":
+        return frame.opts(facecolor="none", edgecolor=ink, linewidth=2, backend=backend)
+    return frame.opts(fill_alpha=0, line_color=ink, line_width=3, backend=backend)
+
+
+def matrix_table(judged: Judged) -> pd.DataFrame:
+    """The confusion matrix as rows: true class, class taken for, count and percent."""
+    labels = judged.classifier.card.labels
+    return pd.DataFrame(
+        [
+            {"true_class": a, "taken_for": b, "count": judged.scores.counts[i, j], "percent": percent}
+            for i, a in enumerate(labels)
+            for j, b in enumerate(labels)
+            for percent in [judged.scores.percent[i, j]]
+        ]
+    )
+
+
+def matrix_sentence(judged: Judged) -> str:
+    """What the matrix shows, in one or two sentences."""
+    scores, names = judged.scores, class_names(judged.classifier.card.labels)
+    accuracy, error = scores.values["overall_accuracy"], scores.errors["overall_accuracy"]
+    text = (
+        f"Of {len(judged.y)} streams that were never trained on, {100 * accuracy:.1f} ± {100 * error:.1f} % "
+        f"are put in the right class (σ_ε = {_noise_text(judged)})."
+    )
+    wrong = scores.counts - np.diag(np.diag(scores.counts))
+    if not wrong.any():
+        return f"{text} None is wrong."
+    i, j = np.unravel_index(wrong.argmax(), wrong.shape)
+    return f"{text} The most common mistake: {wrong[i, j]} of {names[i]} taken for {names[j]}."
+
+
+def scores_table(judged: Judged) -> pd.DataFrame:
+    """Scores per class with errors and, where it has them, the paper's."""
+    labels = judged.classifier.card.labels
+    table = judged.scores.table(labels).reset_index()
+    for name, values in (paper_scores(labels) or {}).items():
+        if isinstance(values, tuple):
+            table[f"{name}_paper"] = values
+    return table
+
+
+# ---------------------------------------------------------------- ROC and calibration
+
+
+def draw_roc(judged: Judged, backend: Backend) -> hv.Overlay:
+    """True against false positives of each class against the rest."""
+    use(backend)
+    fpr, tpr = roc(judged.y, judged.probability)
+    parts: list[hv.Element] = [line("chance", np.array([0, 1]), np.array([0, 1]), GREY, backend, dashed=True)]
+    parts += [line(f"class {c}", fpr, rate, class_colour(c), backend) for c, rate in enumerate(tpr)]
+    overlay = framed(parts, "False positives, share", "True positives, share", (-0.01, 1), (0, 1.02), backend)
+    return overlay.opts(**TOOLS, backend=backend) if backend == "bokeh" else overlay
+
+
+def roc_table(judged: Judged) -> pd.DataFrame:
+    """ROC curves: one column of true-positive rates per class."""
+    fpr, tpr = roc(judged.y, judged.probability)
+    columns = {
+        f"true_positive_rate {name}": rate
+        for name, rate in zip(judged.classifier.card.labels, tpr, strict=True)
+    }
+    return pd.DataFrame({"false_positive_rate": fpr, **columns})
+
+
+def roc_sentence(judged: Judged) -> str:
+    """Areas under the curves, in one sentence."""
+    names = class_names(judged.classifier.card.labels)
+    values, errors = judged.scores.values["auc"], judged.scores.errors["auc"]
+    areas = (f"{n}: {v:.4f} ± {e:.4f}" for n, v, e in zip(names, values, errors, strict=True))
+    return f"Area under the curve (1 is perfect, 0.5 is guessing): {'; '.join(areas)}."
+
+
+def draw_calibration(judged: Judged, backend: Backend) -> hv.Overlay:
+    """How often the chosen class is right, against the probability it was given."""
+    use(backend)
+    curve = calibration(judged.y, judged.probability)
+    low = np.clip(curve.accuracy - curve.error, 0, 1)
+    high = np.clip(curve.accuracy + curve.error, 0, 1)
+    parts = [
+        line("honest", np.array([0, 1]), np.array([0, 1]), GREY, backend, dashed=True),
+        error_bars("error", curve.confidence, low, high, class_colour(0), backend),
+        points("bins", curve.confidence, curve.accuracy, class_colour(0), backend),
+    ]
+    least = 1 / len(judged.scores.counts) - 0.03
+    overlay = framed(
+        parts,
+        "Probability given to the chosen class",
+        "Share that is right",
+        (least, 1.02),
+        (0, 1.05),
+        backend,
+    )
+    return overlay.opts(**TOOLS, backend=backend) if backend == "bokeh" else overlay
+
+
+def calibration_table(judged: Judged) -> pd.DataFrame:
+    """Reliability per bin of the chosen class's probability."""
+    curve = calibration(judged.y, judged.probability)
+    return pd.DataFrame(
+        {
+            "mean_probability": curve.confidence,
+            "share_right": curve.accuracy,
+            "error": curve.error,
+            "streams": curve.count,
+        }
+    )
+
+
+def calibration_sentence(judged: Judged) -> str:
+    """The expected calibration error, in one sentence."""
+    scores = judged.scores
+    return (
+        f"Expected calibration error {scores.values['ece']:.3f} ± {scores.errors['ece']:.3f}, "
+        f"log loss {scores.values['log_loss']:.3f} ± {scores.errors['log_loss']:.3f}: "
+        "points on the dashed line mean that a probability of 80 % is right 80 % of the time."
+    )
+
+
+# ---------------------------------------------------------------- streams of one cell
+
+
+def draw_streams(
+    streams: LabelledStreams, judged: Judged, rows: np.ndarray, backend: Backend, dark: bool = False
+) -> list[hv.Overlay]:
+    """The least certain streams of a cell: as observed (thin) and without noise (thick), one plot each."""
+    use(backend)
+    observed = streams.observed(np.asarray(judged.classifier.card.noise))
+    owner, index = streams.locate(rows[:SHOWN_STREAMS])
+    shown = []
+    for row, c, i in zip(rows, owner, index, strict=False):
+        clean = line("stream", streams.ell, streams.clean[row], class_colour(c), backend)
+        noisy = line("observed", streams.ell, observed[row], GREY, backend)
+        if backend == "bokeh":
+            noisy = noisy.opts(line_width=0.8, backend=backend)
+        else:
+            noisy = noisy.opts(linewidth=0.6, backend=backend)
+        overlay = framed(
+            [noisy, clean],
+            COORDINATE_LABELS["ell"],
+            "Qρ",
+            (streams.ell.min(), streams.ell.max()),
+            (0, 3),
+            backend,
+            f"stream {i}" if backend == "matplotlib" else "",
+        )
+        if backend == "bokeh":
+            overlay = overlay.opts(**TOOLS | {"toolbar": None}, height=190, backend=backend)
+        shown.append(overlay)
+    return shown
+
+
+def streams_table(streams: LabelledStreams, judged: Judged, rows: np.ndarray) -> pd.DataFrame:
+    """All streams of a cell: which they are, and the probability of each class."""
+    owner, index = streams.locate(rows)
+    place = {row: k for k, row in enumerate(judged.rows)}
+    probability = judged.probability[[place[row] for row in rows]] if len(rows) else np.zeros((0, 1))
+    labels = judged.classifier.card.labels
+    columns = {f"probability {label}": probability[:, c] for c, label in enumerate(labels) if len(rows)}
+    spread = streams.clean[rows].std(axis=1)
+    return pd.DataFrame(
+        {"true_class": [labels[c] for c in owner], "stream": index, "std_q_rho": spread, **columns}
+    )
+
+
+def _noise_text(judged: Judged) -> str:
+    noise = judged.classifier.card.noise
+    return f"{noise:g}" if isinstance(noise, float) else "as observed"
