@@ -21,6 +21,7 @@ COPY streamdash streamdash
 COPY app app
 USER streamdash
 # What people simulate is kept here; mount a volume to keep it longer than the container.
+RUN mkdir -p /home/streamdash/.local/share/streamdash
 VOLUME /home/streamdash/.local/share/streamdash
 EXPOSE 5006
 # /liveness answers without creating a session, which a GET of / would.
