@@ -36,3 +36,7 @@ def main(
     ] = False,
 ) -> None:
     """Stellar streams perturbed by dark-matter subhalos: simulate, look, classify."""
+
+
+if __name__ == "__main__":
+    app(prog_name="streamdash")

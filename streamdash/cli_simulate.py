@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import time
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -151,6 +152,8 @@ def _simulate(
 ) -> None:
     from streamdash.ensemble import WorkerError, simulate
 
+    # After Ctrl-C, Python's resource tracker would warn about semaphores of the workers that were ended.
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
     start = time.perf_counter()
     try:
         with _dask_client(executor, scheduler), progress_bar() as titled, wrong_input():

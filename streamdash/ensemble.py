@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+import warnings
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -215,8 +216,14 @@ def _compute(
         with joblib.parallel_config(backend=backend, n_jobs=n_jobs, **limits):
             parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
             results = parallel(joblib.delayed(compute_chunk)(config, index, cache) for index in indices)
-            with contextlib.closing(results):
-                yield from results
+            try:
+                # Not `yield from`, which would close them before the warnings are off.
+                for chunk in results:  # noqa: UP028
+                    yield chunk
+            finally:
+                with warnings.catch_warnings():  # that chunks are given up when stopping is intended
+                    warnings.simplefilter("ignore", UserWarning)
+                    results.close()
     except joblib.externals.loky.process_executor.TerminatedWorkerError as error:
         raise WorkerError(
             "A worker process was killed, perhaps for want of memory; what was finished is kept: "

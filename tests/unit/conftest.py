@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -60,6 +61,29 @@ def damage(path: Path, how: str) -> None:
 def toy():
     """This module: `CONFIG`, `BACKGROUND` and the functions above."""
     return sys.modules[__name__]
+
+
+@pytest.fixture(scope="session")
+def small_stream() -> StreamModel:
+    """The default stream with two impact times, whose geometry takes seconds."""
+    return StreamModel(n_times=2)
+
+
+@pytest.fixture(scope="session")
+def small_geometry(small_stream, tmp_path_factory):
+    """Folder of a cache that holds nothing but the geometry of `small_stream`."""
+    from streamdash.geometry import load_geometry
+
+    root = tmp_path_factory.mktemp("geometry")
+    load_geometry(small_stream, Cache.default(root))
+    return root
+
+
+@pytest.fixture
+def small_cache(small_geometry, tmp_path) -> Cache:
+    """A cache of the test's own that holds the geometry of `small_stream`."""
+    shutil.copytree(small_geometry, tmp_path / "cache")
+    return Cache.default(tmp_path / "cache")
 
 
 @pytest.fixture
