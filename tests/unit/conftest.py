@@ -64,25 +64,17 @@ def toy():
 
 
 @pytest.fixture(scope="session")
-def small_stream() -> StreamModel:
-    """The default stream with two impact times, whose geometry takes seconds."""
-    return StreamModel(n_times=2)
-
-
-@pytest.fixture(scope="session")
-def small_geometry(small_stream, tmp_path_factory):
-    """Folder of a cache that holds nothing but the geometry of `small_stream`."""
-    from streamdash.geometry import load_geometry
-
-    root = tmp_path_factory.mktemp("geometry")
-    load_geometry(small_stream, Cache.default(root))
+def geometry_root(shipped_cache, tmp_path_factory) -> Path:
+    """Folder of a cache that holds nothing but the geometry of the default stream."""
+    root = tmp_path_factory.mktemp("geometry") / "cache"
+    shutil.copytree(shipped_cache / "geometries", root / "geometries")
     return root
 
 
 @pytest.fixture
-def small_cache(small_geometry, tmp_path) -> Cache:
-    """A cache of the test's own that holds the geometry of `small_stream`."""
-    shutil.copytree(small_geometry, tmp_path / "cache")
+def geometry_cache(geometry_root, tmp_path) -> Cache:
+    """A cache of the test's own that holds the geometry of the default stream."""
+    shutil.copytree(geometry_root, tmp_path / "cache")
     return Cache.default(tmp_path / "cache")
 
 

@@ -25,16 +25,15 @@ from streamdash.store import Cache
 
 
 @pytest.fixture(scope="module")
-def config(small_stream) -> EnsembleConfig:
-    perturbers = Perturbers(mass_range="1e5-1e7")
-    return EnsembleConfig(stream=small_stream, perturbers=perturbers, n_streams=130, n_theta=40)
+def config() -> EnsembleConfig:
+    return EnsembleConfig(perturbers=Perturbers(mass_range="1e5-1e7"), n_streams=130, n_theta=40)
 
 
 @pytest.fixture(scope="module")
-def undisturbed(config, small_geometry, tmp_path_factory, toy) -> tuple[xr.Dataset, dict[str, bytes]]:
+def undisturbed(config, geometry_root, tmp_path_factory, toy) -> tuple[xr.Dataset, dict[str, bytes]]:
     """The ensemble computed in one go in this process, and its files."""
     root = tmp_path_factory.mktemp("undisturbed") / "cache"
-    shutil.copytree(small_geometry, root)
+    shutil.copytree(geometry_root, root)
     cache = Cache.default(root)
     return simulate(config, "inline", cache=cache), toy.data_bytes(cache.find(config.key).path)
 
@@ -46,8 +45,8 @@ def files(toy, cache: Cache, config: EnsembleConfig) -> dict[str, bytes]:
 # ------------------------------------------------------------------ content
 
 
-def test_streams_are_those_of_the_engine(config, undisturbed, small_cache):
-    geometry = load_geometry(config.stream, small_cache)
+def test_streams_are_those_of_the_engine(config, undisturbed, geometry_cache):
+    geometry = load_geometry(config.stream, geometry_cache)
     dataset, _ = undisturbed
     for i in (0, 49, 50, 129):
         impacts = sample_impacts(geometry, config.perturbers, stream_rng(config, i))
@@ -59,15 +58,15 @@ def test_streams_are_those_of_the_engine(config, undisturbed, small_cache):
     np.testing.assert_allclose(dataset.omega_smooth, one.omega_smooth, rtol=1e-12)
 
 
-def test_the_number_of_impacts_is_poisson_about_the_expected(config, undisturbed, small_cache):
-    expected = expected_impacts(load_geometry(config.stream, small_cache), config.perturbers)
+def test_the_number_of_impacts_is_poisson_about_the_expected(config, undisturbed, geometry_cache):
+    expected = expected_impacts(load_geometry(config.stream, geometry_cache), config.perturbers)
     counts = undisturbed[0].n_impacts
     assert float(counts.mean()) == pytest.approx(expected, abs=5 * np.sqrt(expected / counts.size))
     assert float(counts.var() / counts.mean()) == pytest.approx(1, abs=5 * np.sqrt(2 / counts.size))
 
 
-def test_the_first_streams_do_not_depend_on_how_many_follow(config, undisturbed, small_cache):
-    few = simulate(config.model_copy(update={"n_streams": 60}), "inline", cache=small_cache)
+def test_the_first_streams_do_not_depend_on_how_many_follow(config, undisturbed, geometry_cache):
+    few = simulate(config.model_copy(update={"n_streams": 60}), "inline", cache=geometry_cache)
     xr.testing.assert_identical(few, undisturbed[0].isel(stream=slice(60)))
 
 
@@ -86,8 +85,8 @@ def test_random_numbers_depend_on_seed_stream_and_perturbers_only(config):
     assert len({first, *others}) == 5
 
 
-def test_an_estimate_counts_impacts_and_seconds(config, small_cache):
-    geometry = load_geometry(config.stream, small_cache)
+def test_an_estimate_counts_impacts_and_seconds(config, geometry_cache):
+    geometry = load_geometry(config.stream, geometry_cache)
     cost = estimate(config, geometry)
     assert cost.impacts_per_stream == expected_impacts(geometry, config.perturbers)
     assert 1e-5 < cost.seconds_per_stream < 1
@@ -97,17 +96,17 @@ def test_an_estimate_counts_impacts_and_seconds(config, small_cache):
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_worker_processes_give_the_same_bytes(config, undisturbed, small_cache, toy, workers):
-    dataset = simulate(config, "processes", workers, small_cache)
-    assert files(toy, small_cache, config) == undisturbed[1]
+def test_worker_processes_give_the_same_bytes(config, undisturbed, geometry_cache, toy, workers):
+    dataset = simulate(config, "processes", workers, geometry_cache)
+    assert files(toy, geometry_cache, config) == undisturbed[1]
     xr.testing.assert_identical(dataset, undisturbed[0])
 
 
-def test_a_dask_cluster_gives_the_same_bytes(config, undisturbed, small_cache, toy):
+def test_a_dask_cluster_gives_the_same_bytes(config, undisturbed, geometry_cache, toy):
     distributed = pytest.importorskip("distributed")
     with distributed.Client(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None):
-        simulate(config, "dask", cache=small_cache)
-    assert files(toy, small_cache, config) == undisturbed[1]
+        simulate(config, "dask", cache=geometry_cache)
+    assert files(toy, geometry_cache, config) == undisturbed[1]
 
 
 @pytest.mark.parametrize(
@@ -118,9 +117,9 @@ def test_a_dask_cluster_gives_the_same_bytes(config, undisturbed, small_cache, t
         ("inline", -1, "workers must"),
     ],
 )
-def test_unusable_executors_are_refused(config, small_cache, executor, workers, words):
+def test_unusable_executors_are_refused(config, geometry_cache, executor, workers, words):
     with pytest.raises(ValueError, match=words):
-        simulate(config, executor, workers, small_cache)
+        simulate(config, executor, workers, geometry_cache)
 
 
 def test_a_worker_without_the_geometry_says_so(config, tmp_path):
@@ -128,10 +127,10 @@ def test_a_worker_without_the_geometry_says_so(config, tmp_path):
         ensemble.compute_chunk(config, 0, Cache.default(tmp_path / "elsewhere"))
 
 
-def test_what_is_complete_in_a_read_only_cache_is_opened(config, undisturbed, small_cache, tmp_path):
-    simulate(config, "inline", cache=small_cache)
+def test_what_is_complete_in_a_read_only_cache_is_opened(config, undisturbed, geometry_cache, tmp_path):
+    simulate(config, "inline", cache=geometry_cache)
     own = tmp_path / "own"
-    dataset = simulate(config, cache=Cache((small_cache.roots[0], own), own))
+    dataset = simulate(config, cache=Cache((geometry_cache.roots[0], own), own))
     xr.testing.assert_identical(dataset, undisturbed[0])
     assert not own.exists()
 
@@ -139,9 +138,9 @@ def test_what_is_complete_in_a_read_only_cache_is_opened(config, undisturbed, sm
 # ------------------------------------------------------------------ progress and interruptions
 
 
-def test_progress_is_reported_from_none_to_all(config, small_cache):
+def test_progress_is_reported_from_none_to_all(config, geometry_cache):
     seen = []
-    simulate(config, "processes", 2, small_cache, progress=lambda *numbers: seen.append(numbers))
+    simulate(config, "processes", 2, geometry_cache, progress=lambda *numbers: seen.append(numbers))
     done = [d for d, _ in seen]
     assert {total for _, total in seen} == {130}
     assert (done[0], done[-1], len(done)) == (0, 130, 4)
@@ -149,7 +148,9 @@ def test_progress_is_reported_from_none_to_all(config, small_cache):
 
 
 @pytest.mark.parametrize("executor", ["inline", "processes"])
-def test_a_stopped_simulation_keeps_its_chunks_and_resumes(config, undisturbed, small_cache, toy, executor):
+def test_a_stopped_simulation_keeps_its_chunks_and_resumes(
+    config, undisturbed, geometry_cache, toy, executor
+):
     asked = []
 
     def stop_after_one_chunk() -> bool:
@@ -157,69 +158,72 @@ def test_a_stopped_simulation_keeps_its_chunks_and_resumes(config, undisturbed, 
         return len(asked) == 2
 
     with pytest.raises(Stopped, match="of 130 streams finished") as stopped:
-        simulate(config, executor, 2, small_cache, should_stop=stop_after_one_chunk)
-    entry = small_cache.find(config.key)
+        simulate(config, executor, 2, geometry_cache, should_stop=stop_after_one_chunk)
+    entry = geometry_cache.find(config.key)
     assert (entry.state, entry.n_done) == ("partial", stopped.value.done)
     assert 0 < entry.n_done < 130
     seen = []
-    simulate(config, executor, 2, small_cache, progress=lambda *numbers: seen.append(numbers))
+    simulate(config, executor, 2, geometry_cache, progress=lambda *numbers: seen.append(numbers))
     assert seen[0] == (entry.n_done, 130)
-    assert files(toy, small_cache, config) == undisturbed[1]
+    assert files(toy, geometry_cache, config) == undisturbed[1]
 
 
 def test_an_interrupt_from_the_keyboard_keeps_chunks_and_frees_the_entry(
-    config, undisturbed, small_cache, toy
+    config, undisturbed, geometry_cache, toy
 ):
     def interrupt(done: int, _total: int) -> None:
         if done:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        simulate(config, "processes", 2, small_cache, progress=interrupt)
-    assert small_cache.find(config.key).n_done in (30, 50)
-    simulate(config, "processes", 2, small_cache)
-    assert files(toy, small_cache, config) == undisturbed[1]
+        simulate(config, "processes", 2, geometry_cache, progress=interrupt)
+    assert geometry_cache.find(config.key).n_done in (30, 50)
+    simulate(config, "processes", 2, geometry_cache)
+    assert files(toy, geometry_cache, config) == undisturbed[1]
 
 
-def test_a_killed_worker_is_reported_and_loses_only_its_chunk(config, undisturbed, small_cache):
+def test_a_killed_worker_is_reported_and_loses_only_its_chunk(config, undisturbed, geometry_cache):
     from joblib.externals.loky import reusable_executor
 
     many = config.model_copy(update={"n_streams": 1000})
 
+    killed = []
+
     def kill_the_workers(done: int, _total: int) -> None:
-        if done:
-            for process in list(reusable_executor._executor._processes.values()):
-                os.kill(process.pid, signal.SIGKILL)
+        if done and not killed:
+            killed.extend(process.pid for process in reusable_executor._executor._processes.values())
+            for pid in killed:
+                os.kill(pid, signal.SIGKILL)
 
     with pytest.raises(WorkerError, match="worker process was killed"):
-        simulate(many, "processes", 2, small_cache, progress=kill_the_workers)
-    entry = small_cache.find(many.key)
+        simulate(many, "processes", 2, geometry_cache, progress=kill_the_workers)
+    entry = geometry_cache.find(many.key)
     assert 0 < entry.n_done < 1000
-    assert small_cache.verify(entry) == []
-    resumed = simulate(many, "processes", 2, small_cache)
+    assert geometry_cache.verify(entry) == []
+    resumed = simulate(many, "processes", 2, geometry_cache)
     xr.testing.assert_identical(resumed.isel(stream=slice(130)), undisturbed[0])
 
 
 @pytest.mark.parametrize("how", ["truncated", "bit-flipped", "missing"])
-def test_a_damaged_chunk_is_computed_again(config, undisturbed, small_cache, toy, how):
-    simulate(config, "inline", cache=small_cache)
-    toy.damage(small_cache.find(config.key).path / "data.zarr/omega/c/1/0", how)
+def test_a_damaged_chunk_is_computed_again(config, undisturbed, geometry_cache, toy, how):
+    simulate(config, "inline", cache=geometry_cache)
+    toy.damage(geometry_cache.find(config.key).path / "data.zarr/omega/c/1/0", how)
     seen = []
-    simulate(config, "inline", cache=small_cache, progress=lambda *numbers: seen.append(numbers))
+    simulate(config, "inline", cache=geometry_cache, progress=lambda *numbers: seen.append(numbers))
     assert seen == [(80, 130), (130, 130)]
-    assert files(toy, small_cache, config) == undisturbed[1]
+    assert files(toy, geometry_cache, config) == undisturbed[1]
 
 
-def test_who_waits_for_another_sees_its_progress_and_can_stop(config, small_cache):
-    geometry = load_geometry(config.stream, small_cache)
+def test_who_waits_for_another_sees_its_progress_and_can_stop(config, geometry_cache):
+    geometry = load_geometry(config.stream, geometry_cache)
     seen = []
-    with small_cache.begin(config, ensemble.background(geometry, config)) as writer:
-        chunk = ensemble.compute_chunk(config, 1, small_cache)
+    with geometry_cache.begin(config, ensemble.background(geometry, config)) as writer:
+        chunk = ensemble.compute_chunk(config, 1, geometry_cache)
         writer.write(1, chunk.density, chunk.omega, chunk.n_impacts, chunk.cost_s)
         with pytest.raises(Stopped):
             simulate(
                 config,
-                cache=small_cache,
+                cache=geometry_cache,
                 progress=lambda *numbers: seen.append(numbers),
                 should_stop=lambda: bool(seen),
             )
@@ -229,12 +233,12 @@ def test_who_waits_for_another_sees_its_progress_and_can_stop(config, small_cach
 # ------------------------------------------------------------------ processes of their own
 
 
-def command(config: EnsembleConfig, cache: Cache, n_streams: int, *more: str) -> list[str]:
+def command(config: EnsembleConfig, cache: Cache, n_streams: int) -> list[str]:
     """Command line of a simulation like `config`, of `n_streams` streams."""
     return [
         *(sys.executable, "-m", "streamdash.cli", "simulate", "--mass", config.perturbers.label),
-        *("--streams", str(n_streams), "--n-times", str(config.stream.n_times)),
-        *("--n-theta", str(config.n_theta), "--workers", "2", "--cache", str(cache.roots[0]), *more),
+        *("--streams", str(n_streams), "--n-theta", str(config.n_theta)),
+        *("--workers", "2", "--cache", str(cache.roots[0])),
     ]
 
 
@@ -267,53 +271,53 @@ def start():
             process.communicate()
 
 
-def test_after_a_kill_the_same_command_gives_the_same_bytes(config, small_cache, tmp_path, toy, start):
+def test_after_a_kill_the_same_command_gives_the_same_bytes(config, geometry_cache, tmp_path, toy, start):
     many = config.model_copy(update={"n_streams": 1500})
-    process = start(command(config, small_cache, 1500))
-    wait_for_chunks(small_cache, many.key, 2 * CHUNK, process)
+    process = start(command(config, geometry_cache, 1500))
+    wait_for_chunks(geometry_cache, many.key, 2 * CHUNK, process)
     process.send_signal(signal.SIGKILL)
     process.wait()
-    entry = small_cache.find(many.key)
+    entry = geometry_cache.find(many.key)
     assert entry.state == "partial"
-    assert small_cache.verify(entry) == []
-    assert start(command(config, small_cache, 1500)).wait() == 0
+    assert geometry_cache.verify(entry) == []
+    assert start(command(config, geometry_cache, 1500)).wait() == 0
     untouched = tmp_path / "untouched"
-    shutil.copytree(small_cache.roots[0] / "geometries", untouched / "geometries")
+    shutil.copytree(geometry_cache.roots[0] / "geometries", untouched / "geometries")
     simulate(many, "processes", 2, Cache.default(untouched))
-    assert files(toy, small_cache, many) == files(toy, Cache.default(untouched), many)
+    assert files(toy, geometry_cache, many) == files(toy, Cache.default(untouched), many)
 
 
-def test_ctrl_c_says_what_is_kept_and_how_to_resume(config, small_cache, start):
+def test_ctrl_c_says_what_is_kept_and_how_to_resume(config, geometry_cache, start):
     many = config.model_copy(update={"n_streams": 3000})
-    process = start(command(config, small_cache, 3000))
-    wait_for_chunks(small_cache, many.key, CHUNK, process)
+    process = start(command(config, geometry_cache, 3000))
+    wait_for_chunks(geometry_cache, many.key, CHUNK, process)
     os.killpg(process.pid, signal.SIGINT)
     output, errors = process.communicate(timeout=30)
     assert process.returncode == 130
     assert output == ""
-    done = small_cache.find(many.key).n_done
+    done = geometry_cache.find(many.key).n_done
     assert 0 < done < 3000
     last = errors.strip().splitlines()[-1]
     assert last.startswith(f"Interrupted: {done} of 3000 streams ({done // CHUNK} chunks) are kept")
     assert "Traceback" not in errors
 
 
-def test_two_processes_on_one_entry_share_the_work(config, undisturbed, small_cache, toy, start):
-    both = [start(command(config, small_cache, 130)) for _ in range(2)]
+def test_two_processes_on_one_entry_share_the_work(config, undisturbed, geometry_cache, toy, start):
+    both = [start(command(config, geometry_cache, 130)) for _ in range(2)]
     for process in both:
         output, errors = process.communicate(timeout=120)
         assert process.returncode == 0, errors
         assert "130 streams of 1e5-1e7" in output
-    assert files(toy, small_cache, config) == undisturbed[1]
-    (entry,) = [e for e in small_cache.entries() if e.kind == "ensemble"]
+    assert files(toy, geometry_cache, config) == undisturbed[1]
+    (entry,) = [e for e in geometry_cache.entries() if e.kind == "ensemble"]
     assert (entry.state, entry.n_done) == ("complete", 130)
 
 
-def test_two_threads_on_one_entry_share_the_work(config, undisturbed, small_cache):
+def test_two_threads_on_one_entry_share_the_work(config, undisturbed, geometry_cache):
     results = []
 
     def run() -> None:
-        results.append(simulate(config, "inline", cache=small_cache))
+        results.append(simulate(config, "inline", cache=geometry_cache))
 
     threads = [threading.Thread(target=run) for _ in range(2)]
     for thread in threads:
