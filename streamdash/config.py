@@ -173,14 +173,14 @@ class Accuracy(Config):
     """Numerical settings of the engine; smaller is finer, slower and more exact."""
 
     frequency_step: Finite = Field(
-        0.125, ge=0.005, le=0.5, description="coarsest spacing of frequencies, in units of their dispersion"
+        0.25, ge=0.005, le=0.5, description="coarsest spacing of frequencies, in units of their dispersion"
     )
     frequency_tolerance: Finite = Field(
-        0.1, ge=1e-6, le=1, description="frequencies are refined where interpolation may err by more"
+        0.02, ge=1e-6, le=1, description="frequencies are refined where interpolation may err by more"
     )
-    kick_spacing: Finite = Field(3e-4, ge=1e-5, le=0.01, description="finest spacing of kicks, rad")
+    kick_spacing: Finite = Field(2e-4, ge=1e-5, le=0.01, description="finest spacing of kicks, rad")
     kick_tolerance: Finite = Field(
-        2e-4, ge=1e-7, le=0.1, description="largest error of one kick, in units of the dispersion"
+        3e-5, ge=1e-7, le=0.1, description="largest error of one kick, in units of the dispersion"
     )
 
 

@@ -22,12 +22,12 @@ from streamdash.geometry import Geometry
 from streamdash.impacts import Impacts, check_impacts
 from streamdash.kicks import PAD, KickTables, kick_tables
 
-REACH = 5.5
-"""The Gaussian is followed out to this many dispersions (beyond: 4·10⁻⁸ of the stars)."""
+REACH = 4.7
+"""The Gaussian is followed out to this many dispersions (beyond: 3·10⁻⁶ of the stars)."""
 LEVELS = 7
 """A cell of frequencies is halved at most this often."""
 ROOM = 4096
-"""Samples that one angle may take when refined, at least."""
+"""Samples beyond the coarse ones that one angle may take, at least."""
 STRETCH = 0.5
 """Neighbouring samples may differ by this many dispersions in original frequency."""
 CALM = 1.5
@@ -161,7 +161,7 @@ def _crossing(y, i, n):
 
 
 @njit(cache=True, error_model="numpy")
-def _settle(i, x0, x1, n, mark, f, marks, omega, now, mean, sigma, cells):
+def _settle(i, x0, x1, n, mark, f, marks, omega, now, mean, sigma, cells, judge):
     """Add to cell [i, i+1], from x0 to x1, the stars that reach the progenitor now."""
     if x1 <= x0:
         return
@@ -172,13 +172,17 @@ def _settle(i, x0, x1, n, mark, f, marks, omega, now, mean, sigma, cells):
             f[j] = math.exp(-0.5 * z * z)
     before = f[i - 1] if i > 0 else 0.0
     after = f[i + 2] if i < n - 2 else 0.0
-    cells[i, 0] += _cubic_integral(before, f[i], f[i + 1], after, x0, x1)
     # Today's frequency is linear along the samples.
     step = now[i + 1] - now[i]
-    cells[i, 1] += _cubic_integral(
-        before * (now[i] - step), f[i] * now[i], f[i + 1] * now[i + 1], after * (now[i] + 2 * step), x0, x1
-    )
-    _judge(i, n, omega, mean, sigma, cells)
+    first, last = before * (now[i] - step), after * (now[i] + 2 * step)
+    if x0 == 0.0 and x1 == 1.0:
+        cells[i, 0] += (13.0 * (f[i] + f[i + 1]) - before - after) / 24.0
+        cells[i, 1] += (13.0 * (f[i] * now[i] + f[i + 1] * now[i + 1]) - first - last) / 24.0
+    else:
+        cells[i, 0] += _cubic_integral(before, f[i], f[i + 1], after, x0, x1)
+        cells[i, 1] += _cubic_integral(first, f[i] * now[i], f[i + 1] * now[i + 1], last, x0, x1)
+    if judge:
+        _judge(i, n, omega, mean, sigma, cells)
 
 
 @njit(cache=True, error_model="numpy")
@@ -220,6 +224,7 @@ def _march(theta, n, now, angle, omega, low, high, f, marks, place, rest, cells,
         if high[i] > low[i]:
             alive = i + 1
     active = min(n, alive + 3)
+    judge = len(bend) > 0
     for k in range(len(dt)):
         step = dt[k]
         for i in range(active):
@@ -238,22 +243,22 @@ def _march(theta, n, now, angle, omega, low, high, f, marks, place, rest, cells,
             seen += b <= 0.0
             if high[i] > low[i]:
                 if a <= 0.0 and b <= 0.0:
-                    _settle(i, low[i], high[i], n, k, f, marks, omega, now, mean, sigma, cells)
+                    _settle(i, low[i], high[i], n, k, f, marks, omega, now, mean, sigma, cells, judge)
                     high[i] = low[i]
                 elif a <= 0.0 or b <= 0.0:
                     x = _crossing(angle, i, n)
                     if b <= 0.0:
-                        _settle(i, max(x, low[i]), high[i], n, k, f, marks, omega, now, mean, sigma, cells)
+                        _settle(i, max(x, low[i]), high[i], n, k, f, marks, omega, now, mean, sigma, cells, judge)
                         high[i] = min(high[i], x)
                     else:
-                        _settle(i, low[i], min(x, high[i]), n, k, f, marks, omega, now, mean, sigma, cells)
+                        _settle(i, low[i], min(x, high[i]), n, k, f, marks, omega, now, mean, sigma, cells, judge)
                         low[i] = max(low[i], x)
                 if high[i] > low[i]:
                     alive = max(alive, i + 1)
                     if seen == left:
                         break
             i -= 1
-        if k == len(dt) - 1:
+        if judge and k == len(dt) - 1:
             # Never in the stream, unless the path dips below zero between two samples.
             for i in range(1, alive):
                 dip = abs(angle[i - 1] - angle[i] - angle[i + 1] + angle[min(i + 2, n - 1)])
@@ -262,12 +267,14 @@ def _march(theta, n, now, angle, omega, low, high, f, marks, place, rest, cells,
                     _judge(i, n, omega, mean, sigma, cells)
         if alive == 0 or k == len(dt) - 1:
             return
-        if len(bend) > 0:
-            scale, last = bend_inverse[k], bend_size[k] - 1
+        if judge:
+            local = bend[bend_start[k] : bend_start[k] + bend_size[k]]
+            scale, end = bend_inverse[k], float(bend_size[k] - 1)
             for i in range(alive):
-                j = min(int(max(angle[i], 0.0) * scale), last)
+                place[i] = np.int32(min(max(angle[i] * scale, 0.0), end))
+            for i in range(alive):
                 width = angle[i] - angle[i + 1]
-                cells[i, 2] += width * width * bend[bend_start[k] + j] / (8.0 * sigma)
+                cells[i, 2] += width * width * local[np.uint32(place[i])] / (8.0 * sigma)
         active = min(n, alive + 3)
         table = values[start[k] : start[k] + size[k]]
         scale, end = inverse[k], float(size[k] - 2)
@@ -361,7 +368,8 @@ def _fine_samples(coarse, n, h, tolerance, cells, limit, now, low, high):
         j = i + 1
         while j < n - 1 and _level(cells[j, 2], cells[j, 3], tolerance) == level:
             j += 1
-        while level > 1 and count + (j - i) * 2**level + 5 > limit:
+        rest = 7 * (n - 1 - j)  # what the cells still to come need at the least
+        while level > 1 and count + (j - i) * 2**level + 5 + rest > limit:
             level -= 1
         fine = h / 2**level
         size = (j - i) * 2**level + 5
@@ -382,7 +390,7 @@ def _profile(theta, mean, sigma, step, tolerance, largest, dt, tables, bends, de
     per_cell = max(1, int(round(1.0 / step)))
     n_scout = int(math.ceil(2 * half / (h * per_cell))) + 1
     room = n_scout * (per_cell + 1) + 1
-    room_fine = max(ROOM, 8 * room)
+    room_fine = ROOM + 8 * room
     coarse, then, now = np.empty(room), np.empty(room_fine), np.empty(room_fine)
     angle, f, rest = np.empty(room_fine), np.empty(room_fine), np.empty(room_fine)
     low, high, cells = np.empty(room_fine), np.empty(room_fine), np.empty((room_fine, 4))
