@@ -23,9 +23,9 @@ from streamdash.survey import (
     theta_to_phi1,
 )
 
-RANGES = {"q_rho": (-0.5, 2.5), "rho": (-0.5, 2.5), "omega": (0.0, 0.2)}
+RANGES = {"q_rho": (-0.5, 3.0), "rho": (-0.5, 3.0), "omega": (0.0, 0.25)}
 """Vertical range of each figure, the same for every ensemble and noise."""
-HISTOGRAM_RANGES = {"q_rho": (-4.0, 6.0), "rho": (-4.0, 6.0), "omega": (0.0, 0.2)}
+HISTOGRAM_RANGES = {"q_rho": (-4.0, 6.0), "rho": (-4.0, 6.0), "omega": (-0.5, 0.75)}
 """Values that enter the quantiles; wide enough for σ_ε = 1."""
 FINE_ROWS = 4000
 """Cells of the histogram per longitude bin; quantiles are resolved to a fraction of one."""

@@ -215,10 +215,12 @@ def sentence(panels: Sequence[Panel]) -> str:
         if first.quantity != "omega"
         else " (shot noise does not act on it)"
     )
+    unit = " rad/Gyr" if first.quantity == "omega" else ""
     widths = []
     for panel in panels:
         half = float(np.mean(panel.high - panel.low)) / 2
-        widths.append(f"{model_text(panel.index, panel.config.perturbers.mass_range)}: ±{half:.2g}")
+        name = model_text(panel.index, panel.config.perturbers.mass_range)
+        widths.append(f"{name}: ±{half:.2g}{unit}")
     chosen = f" Coloured: {len(first.streams)} random streams of each class." if len(first.streams) else ""
     return (
         f"The {names[first.quantity]} along {axes[first.coordinate]}{noise}. "

@@ -100,7 +100,7 @@ def test_image_counts_every_stream_where_nothing_leaves_the_frame(open_shell, se
     shell = open_shell(TWO + "&noise=0")
     choice = shell.session.ensembles[0]
     values = services.q_rho(choice)
-    rows, _ = np.histogram(values[:, 100], bins=survey_bands.IMAGE_ROWS, range=(-0.5, 2.5))
+    rows, _ = np.histogram(values[:, 100], bins=survey_bands.IMAGE_ROWS, range=survey_bands.RANGES["q_rho"])
     image = shown(shell, 0, profiles.STREAMS)["image"][0]
     assert image.dtype == np.uint8
     # Rounding at a cell's edge may move a stream to the next cell; an empty cell stays empty.

@@ -1,0 +1,97 @@
+"""Sessions that end are freed: 30 opened, used and closed on a real server leave none alive."""
+
+from __future__ import annotations
+
+import gc
+import time
+import uuid
+from collections.abc import Callable
+
+import panel as pn
+import pytest
+from bokeh.client import pull_session
+from bokeh.document import Document
+from panel.util import edit_readonly
+
+from app import ui
+from app.pages.profiles import ProfilesPage
+from app.serving import open_session
+from app.shell import Shell
+from app.state import Session
+from streamdash.plots.live import LiveFigure
+
+SESSIONS = 30
+KINDS = (Session, Shell, ProfilesPage, LiveFigure, Document, ui.pmui.Page)
+
+
+def alive() -> dict[str, int]:
+    """Live objects of each kind that belongs to one browser session."""
+    gc.collect()
+    things = gc.get_objects()
+    return {kind.__name__: sum(isinstance(thing, kind) for thing in things) for kind in KINDS}
+
+
+def wait_until(condition: Callable[[], bool], seconds: float = 20) -> bool:
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        if condition():
+            return True
+        time.sleep(0.1)
+    return condition()
+
+
+@pytest.fixture
+def address(services):
+    """A server in this process that forgets unused sessions at once."""
+    server_id = uuid.uuid4().hex
+    thread = pn.serve(
+        {"main": lambda: open_session(services)},
+        port=0,
+        threaded=True,
+        show=False,
+        verbose=False,
+        server_id=server_id,
+        check_unused_sessions_milliseconds=100,
+        unused_session_lifetime_milliseconds=100,
+    )
+    assert wait_until(lambda: server_id in pn.state._servers)
+    yield f"http://localhost:{pn.state._servers[server_id][0].port}/main"
+    thread.stop()
+
+
+def use_and_close(address: str) -> None:
+    """Open a session as a browser does, move its noise slider, and leave."""
+    client = pull_session(url=address)
+    slider = next(
+        model
+        for model in client.document.models
+        if "Shot noise" in str(getattr(getattr(model, "data", None), "label", ""))
+    )
+    slider.data.value = 0.5
+    client.force_roundtrip()
+    client.close()
+
+
+@pytest.mark.slow
+def test_sessions_that_end_are_freed(address):
+    use_and_close(address)
+    wait_until(lambda: alive()["Shell"] == 0)
+    before = alive()
+    for _ in range(SESSIONS):
+        use_and_close(address)
+
+    def freed() -> bool:
+        now = alive()
+        return all(now[kind] <= before[kind] for kind in before)
+
+    assert wait_until(freed), f"alive before {before}, after {SESSIONS} sessions {alive()}"
+    assert all(count == 0 for kind, count in before.items() if kind != "Document")
+
+
+def test_a_page_does_not_follow_the_busy_flag_of_the_process():
+    page = ui.page_frame([], dark=False)
+    with edit_readonly(pn.state):
+        pn.state.busy = True
+        followed = page.busy
+        pn.state.busy = False
+    assert not followed
