@@ -9,6 +9,7 @@ import typer
 
 from streamdash.cli_cache import cache_app
 from streamdash.cli_common import OneSentence
+from streamdash.cli_reproduce import reproduce_command
 from streamdash.cli_serve import serve_command
 from streamdash.cli_simulate import simulate_command
 from streamdash.cli_stream import stream_command
@@ -16,6 +17,7 @@ from streamdash.cli_stream import stream_command
 app = typer.Typer(cls=OneSentence, no_args_is_help=True, pretty_exceptions_enable=False)
 app.command("serve")(serve_command)
 app.command("simulate")(simulate_command)
+app.command("reproduce")(reproduce_command)
 app.command("stream")(stream_command)
 app.add_typer(cache_app, name="cache")
 

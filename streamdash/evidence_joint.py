@@ -131,15 +131,24 @@ def decorrelated_components(y_i: np.ndarray, y_j: np.ndarray) -> tuple[np.ndarra
     return tuple((y[:, usable] - middle) @ whiten @ rotate for y in (y_i, y_j))
 
 
-def gaussian_ln_bayes(y_i: np.ndarray, y_j: np.ndarray) -> float:
-    """ln B^{fid i}_ij for Gaussians with the means and covariances of two samples (n_streams, n)."""
-    c_i, c_j = (np.atleast_2d(np.cov(y, rowvar=False)) for y in (y_i, y_j))
-    delta = y_i.mean(axis=0) - y_j.mean(axis=0)
-    sign_i, ln_i = np.linalg.slogdet(2 * c_i)
-    sign_ij, ln_ij = np.linalg.slogdet(c_i + c_j)
-    if sign_i <= 0 or sign_ij <= 0:
-        return float("nan")  # fewer streams than bins: no Gaussian can be fitted
-    return float(0.5 * (ln_ij - ln_i) + 0.5 * delta @ np.linalg.solve(c_i + c_j, delta))
+def gaussian_ln_bayes(z_i: np.ndarray, z_j: np.ndarray) -> float:
+    """ln B^{fid i}_ij for Gaussians with the means and variances of uncorrelated components.
+
+    Parameters
+    ----------
+    z_i, z_j : ndarray (n_streams_i, n_components), (n_streams_j, n_components)
+        From `decorrelated_components`.
+
+    Returns
+    -------
+    float
+        NaN where a component does not vary in one of the models: there are too few streams.
+    """
+    v_i, v_j = z_i.var(axis=0, ddof=1), z_j.var(axis=0, ddof=1)
+    delta = z_i.mean(axis=0) - z_j.mean(axis=0)
+    if min(v_i.min(), v_j.min()) <= RANK_TOLERANCE:
+        return float("nan")
+    return float(0.5 * np.sum(np.log((v_i + v_j) / (2 * v_i)) + delta**2 / (v_i + v_j)))
 
 
 def _summed(by_y_bins: np.ndarray, gaussian: float, unresolved: np.ndarray) -> JointEvidence:

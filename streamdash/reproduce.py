@@ -79,30 +79,27 @@ class Sample:
         )
 
 
-def find_entry(cache: Cache, label: str, stream: StreamModel | None = None) -> Entry:
-    """The largest complete ensemble of a mass range, all else as by default.
+def find_entries(cache: Cache, labels: Sequence[str], stream: StreamModel | None = None) -> tuple[Entry, ...]:
+    """The largest complete ensemble of each mass range, all else as by default.
 
     Raises
     ------
     StoreError
-        When there is none; names the command that makes one.
+        When there is none of a mass range; names the command that makes one.
     """
     stream = stream or StreamModel()
-    wanted = Perturbers(mass_range=parse_mass_range(label))
-    fits = [
-        entry
-        for entry in cache.entries()
-        if entry.kind == "ensemble"
-        and entry.state == "complete"
-        and entry.config.perturbers == wanted
-        and entry.config.stream == stream
-    ]
-    if not fits:
-        raise StoreError(
-            f"The cache has no complete ensemble of {label} M☉; "
-            f"run `streamdash simulate --mass {label}` first."
-        )
-    return max(fits, key=lambda entry: entry.config.n_streams)
+    complete = [e for e in cache.entries() if e.kind == "ensemble" and e.state == "complete"]
+    found = []
+    for label in labels:
+        wanted = Perturbers(mass_range=parse_mass_range(label))
+        fits = [e for e in complete if e.config.perturbers == wanted and e.config.stream == stream]
+        if not fits:
+            raise StoreError(
+                f"The cache has no complete ensemble of {label} M☉; "
+                f"run `streamdash simulate --mass {label}` first."
+            )
+        found.append(max(fits, key=lambda entry: entry.config.n_streams))
+    return tuple(found)
 
 
 def load_sample(cache: Cache, labels: Sequence[str] = (*TWO_CLASSES, *THREE_CLASSES[1:])) -> Sample:
@@ -113,7 +110,7 @@ def load_sample(cache: Cache, labels: Sequence[str] = (*TWO_CLASSES, *THREE_CLAS
     StoreError
         When an ensemble or the geometry is missing.
     """
-    entries = tuple(find_entry(cache, label) for label in labels)
+    entries = find_entries(cache, labels)
     stream = entries[0].config.stream
     stored = cache.open_geometry(stream)
     if stored is None:
@@ -158,7 +155,32 @@ def compare(sample: Sample, noise: float, n_resamples: int) -> dict[str, Any]:
         for table in tables:
             for row in table["pairs"]:
                 row["paper"] = paper_value(row["i"], row["j"], table["n_bin"])
-    return {"labels": list(sample.labels), "tables": tables, "growth": _growth_facts(sample, noise)}
+    return {
+        "labels": list(sample.labels),
+        "tables": tables,
+        "growth": _growth_facts(sample, noise),
+        "pdf": _pdf_facts(sample, noise),
+    }
+
+
+def _pdf_facts(sample: Sample, noise: float, n_bin: int = 20) -> list[dict[str, float]]:
+    """Per class, the median PDF(Qρ): where it peaks, how high, and how wide it is."""
+    pdfs = measure_pdfs(sample.noisy(noise), n_bin)
+    facts = []
+    for model, label in enumerate(sample.labels):
+        median = pdfs.band(model).median
+        peak = int(np.argmax(median))
+        high = pdfs.centers[median >= 0.5 * median[peak]]
+        facts.append(
+            {
+                "label": label,
+                "peak_q_rho": float(pdfs.centers[peak]),
+                "peak": float(median[peak]),
+                "half_height_from": float(high.min()),
+                "half_height_to": float(high.max()),
+            }
+        )
+    return facts
 
 
 def _growth_facts(sample: Sample, noise: float, n_bin: int = 20) -> dict[str, Any]:
@@ -174,6 +196,7 @@ def _growth_facts(sample: Sample, noise: float, n_bin: int = 20) -> dict[str, An
                 "j": j,
                 "n_streams": curve.n_streams.tolist(),
                 "mean": curve.mean.tolist(),
+                "bins_in_sum": curve.n_kept.tolist(),
                 "scatter": [None if np.isnan(s) else float(s) for s in curve.scatter],
             }
         )

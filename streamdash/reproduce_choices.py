@@ -16,7 +16,7 @@ import numpy as np
 from streamdash import survey
 from streamdash.evidence import PAPER_N_BINS, Rules, measure_evidence, measured_width
 from streamdash.pdf import Pdfs, common_range, measure_pdfs
-from streamdash.reproduce import NOISE, TWO_CLASSES, Sample
+from streamdash.reproduce import NOISE, THREE_CLASSES, TWO_CLASSES, Sample
 from streamdash.store import Cache
 
 PAIRS = ((0, 1), (1, 0))
@@ -39,6 +39,9 @@ class Setting:
         Width in rule 1; σ_ε when not given.
     average : callable
         How ln B is summarised over the numbers of bins in y.
+    min_overlap : int
+        Leave out bins α in which fewer than this many streams of either model lie within the other
+        model's range of y.
     """
 
     profiles: list[np.ndarray]
@@ -47,17 +50,20 @@ class Setting:
     rules: Rules = field(default_factory=Rules)
     width: float | None = None
     average: Callable[..., np.ndarray] = np.median
+    min_overlap: int = 0
 
-    def totals(self, n_bin: int) -> list[float]:
-        """Σ ln B^{fid 0}_01 and Σ ln B^{fid 1}_10."""
+    def totals(self, n_bin: int) -> list[tuple[float, int]]:
+        """Σ ln B^{fid 0}_01 and Σ ln B^{fid 1}_10, each with the number of bins α in it."""
         pdfs = measure_pdfs(self.profiles, n_bin, self.value_range)
         if not self.inside_only:
             pdfs = _over_all_values(pdfs, self.profiles)
         evidence = measure_evidence(pdfs, NOISE, self.rules, width=self.width)
+        enough = _overlap(pdfs) >= self.min_overlap
         result = []
         for i, j in PAIRS:
-            samples = evidence.ln_bayes_by_y_bins(i, i, j)[:, evidence.kept(i, i, j)]
-            result.append(float(self.average(samples, axis=0).sum()))
+            kept = evidence.kept(i, i, j) & enough
+            samples = evidence.ln_bayes_by_y_bins(i, i, j)[:, kept]
+            result.append((float(self.average(samples, axis=0).sum()), int(kept.sum())))
         return result
 
 
@@ -82,9 +88,10 @@ class Choice:
 
 @dataclass(frozen=True)
 class Materials:
-    """What settings are made of: the two classes, the cache they come from, the plain setting."""
+    """What settings are made of: the two classes, all classes, their cache, the plain setting."""
 
     sample: Sample
+    every: Sample
     cache: Cache
     plain: Setting
 
@@ -126,6 +133,10 @@ def _with_rules(**changes: Any) -> Callable[[Materials], Setting]:
     return lambda m: replace(m.plain, rules=replace(m.plain.rules, **changes))
 
 
+def _with_overlap(least: int) -> Callable[[Materials], Setting]:
+    return lambda m: replace(m.plain, min_overlap=least)
+
+
 def _with_range(choose: Callable[[Materials], tuple[float, float]]) -> Callable[[Materials], Setting]:
     return lambda m: replace(m.plain, value_range=choose(m))
 
@@ -148,6 +159,16 @@ def _central(profiles: Sequence[np.ndarray], share: float) -> tuple[float, float
     return float(max(lows)), float(min(highs))
 
 
+def _overlap(pdfs: Pdfs) -> np.ndarray:
+    """The smaller number of streams, of the two models, within the other's range of y, (n_bin,)."""
+    first, second = pdfs.y
+
+    def inside(y: np.ndarray, other: np.ndarray) -> np.ndarray:
+        return np.count_nonzero((y >= other.min(axis=0)) & (y <= other.max(axis=0)), axis=0)
+
+    return np.minimum(inside(first, second), inside(second, first))
+
+
 def _over_all_values(pdfs: Pdfs, profiles: Sequence[np.ndarray]) -> Pdfs:
     low, high = pdfs.edges[0], pdfs.edges[-1]
     inside = [((q >= low) & (q <= high)).mean(axis=1, keepdims=True) for q in profiles]
@@ -155,8 +176,10 @@ def _over_all_values(pdfs: Pdfs, profiles: Sequence[np.ndarray]) -> Pdfs:
 
 
 RANGE, NORMALISATION = "Range of Qρ", "Normalisation of PDF(Qρ)"
-BINS, INTEGRAL, FAR, FEW = "Bins of y", "Integral", "Exclusion: distance from the peak", "Exclusion: samples"
+BINS, INTEGRAL, FAR, FEW = "Bins of y", "Integral", "Distance from the peak", "Samples"
 ALONG, SHOT, STREAMS = "Bins along the stream", "Shot noise", "Simulated streams"
+MODEL = "Other streams"
+"""Not a choice left open but another model, for comparison."""
 
 CHOICES: tuple[Choice, ...] = (
     Choice(
@@ -203,6 +226,8 @@ CHOICES: tuple[Choice, ...] = (
     Choice(FEW, "at least 1 stream in the bin", _with_rules(min_streams=1)),
     Choice(FEW, "at least 100 streams in the bin", _with_rules(min_streams=100)),
     Choice(FEW, "at least 1000 streams in the bin", _with_rules(min_streams=1000)),
+    Choice(FEW, "at least 10 streams of each within the other’s range of y", _with_overlap(10)),
+    Choice(FEW, "at least 100 streams of each within the other’s range of y", _with_overlap(100)),
     Choice(
         ALONG,
         "347 equal bins in θ∥ instead of ℓ",
@@ -242,6 +267,11 @@ CHOICES: tuple[Choice, ...] = (
         "four sets of 500 of each",
         lambda m: [_streams(slice(k, k + 500))(m) for k in range(0, 2000, 500)],
     ),
+    Choice(
+        MODEL,
+        f"{THREE_CLASSES[2]} M☉ in place of {TWO_CLASSES[1]} M☉",
+        _with_profiles(lambda m: m.every.only((TWO_CLASSES[0], THREE_CLASSES[2])).noisy(NOISE)),
+    ),
 )
 """Every choice that is measured."""
 
@@ -262,18 +292,19 @@ def measure_choices(
     cache : Cache
         Where the ensembles of the sample are.
     sample : Sample
-        With the paper's two classes.
+        With the paper's two and three classes.
     choices : sequence of Choice
 
     Returns
     -------
     list of dict
-        ``topic``, ``text``, ``fid_0`` and ``fid_1`` (Σ ln B per number of bins of Qρ), and
-        ``scatter_0``, ``scatter_1`` (standard deviation over realisations, or None).
+        ``topic``, ``text``, ``fid_0`` and ``fid_1`` (Σ ln B per number of bins of Qρ), ``scatter_0`` and
+        ``scatter_1`` (standard deviation over realisations, or None), and ``kept``, the mean number of
+        bins α in the sum.
     """
     two = sample.only(TWO_CLASSES)
-    materials = Materials(two, cache, Setting(two.noisy(NOISE)))
-    rows = [_row("As here", "everything as described above", [materials.plain])]
+    materials = Materials(two, sample, cache, Setting(two.noisy(NOISE)))
+    rows = [_row("As here", "every choice as described", [materials.plain])]
     for choice in choices:
         settings = choice.settings(materials)
         rows.append(_row(choice.topic, choice.text, settings if isinstance(settings, list) else [settings]))
@@ -282,13 +313,14 @@ def measure_choices(
 
 def _row(topic: str, text: str, settings: list[Setting]) -> dict[str, Any]:
     totals = np.array([[setting.totals(n_bin) for n_bin in PAPER_N_BINS] for setting in settings])
-    mean = totals.mean(axis=0)
-    scatter = totals.std(axis=0, ddof=1) if len(settings) > 1 else None
+    mean = totals.mean(axis=0)  # (number of bins, fiducial, value or bins kept)
+    scatter = totals[..., 0].std(axis=0, ddof=1) if len(settings) > 1 else None
     return {
         "topic": topic,
         "text": text,
-        "fid_0": mean[:, 0].tolist(),
-        "fid_1": mean[:, 1].tolist(),
+        "fid_0": mean[:, 0, 0].tolist(),
+        "fid_1": mean[:, 1, 0].tolist(),
+        "kept": mean[:, 0, 1].tolist(),
         "scatter_0": None if scatter is None else scatter[:, 0].tolist(),
         "scatter_1": None if scatter is None else scatter[:, 1].tolist(),
     }

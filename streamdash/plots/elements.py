@@ -14,6 +14,8 @@ from streamdash.plots.live import Backend
 from streamdash.plots.style import INK
 
 GREY = "#808080"
+FAR = 1e4
+"""Beyond every axis: how far lines and spans reach in files."""
 NICE = (1, 1.5, 2, 3, 4, 6, 8, 10)
 """Ends of axes, times a power of ten: a slider seldom moves the frame."""
 
@@ -86,20 +88,26 @@ def error_bars(
     return bars.opts(line_color=colour, line_width=1.4, upper_head=None, lower_head=None, backend=backend)
 
 
-def level_lines(label: str, levels: Sequence[float], backend: Backend, dashed: bool = True) -> hv.HLines:
+def level_lines(label: str, levels: Sequence[float], backend: Backend, dashed: bool = True) -> hv.Element:
     """Grey horizontal lines over the whole width that stay where they are."""
-    lines = hv.HLines(list(levels), label=label)
     if backend == "matplotlib":
-        return lines.opts(color=GREY, linewidth=0.8, linestyle="--" if dashed else "-", backend=backend)
+        # HLines would take the axis labels from the first panel of a layout.
+        x, y = np.tile([-FAR, FAR, np.nan], len(levels)), np.repeat(np.asarray(levels, dtype=float), 3)
+        curve = hv.Curve((x, y), "x", "y", label=label)
+        return curve.opts(color=GREY, linewidth=0.8, linestyle="--" if dashed else "-", backend=backend)
+    lines = hv.HLines(list(levels), label=label)
     return lines.opts(color=GREY, line_width=1, line_dash="dashed" if dashed else "solid", backend=backend)
 
 
-def grey_spans(label: str, left: np.ndarray, right: np.ndarray, backend: Backend) -> hv.VSpans:
+def grey_spans(label: str, left: np.ndarray, right: np.ndarray, backend: Backend) -> hv.Element:
     """Grey ranges of x over the whole height; in the browser their columns are ``x0, x1``."""
-    spans = hv.VSpans((left, right), kdims=["x0", "x1"], label=label)
     if backend == "matplotlib":
-        # HoloViews sets "color" from its cycle unless told otherwise, which would win over the face.
-        return spans.opts(color=None, facecolor=GREY, edgecolor="none", alpha=0.25, backend=backend)
+        # VSpans would take the axis labels from the first panel of a layout.
+        boxes = [(x0, -FAR, x1, FAR) for x0, x1 in zip(left, right, strict=True)]
+        return hv.Rectangles(boxes, ["x", "y", "x1", "y1"], label=label).opts(
+            facecolor=GREY, edgecolor="none", alpha=0.25, backend=backend
+        )
+    spans = hv.VSpans((left, right), kdims=["x0", "x1"], label=label)
     return spans.opts(color=GREY, alpha=0.25, line_alpha=0, backend=backend)
 
 
@@ -139,7 +147,7 @@ def framed(
         "backend": backend,
     }
     if backend == "matplotlib":
-        return overlay.opts(title=title, fig_inches=5, aspect=1.5, **both)
+        return overlay.opts(hv.opts.Overlay(title=title, fig_inches=5, aspect=1.5, **both))
     return overlay.opts(responsive=True, height=340, toolbar="above", title=title, **both)
 
 

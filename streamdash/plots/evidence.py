@@ -268,7 +268,7 @@ def growth_sentence(curves: Mapping[int, Growth], fiducial: int, n_bin: int) -> 
         if len(curve.mean) < 2:
             parts.append(f"against M{j} there are too few streams to tell")
             continue
-        half = int(np.searchsorted(curve.n_streams, curve.n_streams[-1] / 2))
+        half = max(int(np.searchsorted(curve.n_streams, curve.n_streams[-1] / 2, side="right")) - 1, 0)
         change = curve.mean[-1] - curve.mean[half]
         parts.append(
             f"against M{j} Σ ln B is {curve.mean[-1]:.1f} from {curve.n_streams[-1]} streams, "

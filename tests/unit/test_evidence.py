@@ -14,7 +14,7 @@ from streamdash.evidence import (
     measured_width,
 )
 from streamdash.evidence_checks import bootstrap, growth
-from streamdash.evidence_joint import decorrelated_components, gaussian_ln_bayes, joint_evidence
+from streamdash.evidence_joint import decorrelated_components, joint_evidence
 from streamdash.evidence_overlap import overlap_integrals
 from streamdash.pdf import Pdfs, measure_pdfs
 
@@ -347,7 +347,8 @@ def test_no_bin_is_no_joint_evidence(rng):
 
 
 def test_more_bins_than_streams_has_no_gaussian_fit(rng):
-    assert np.isnan(gaussian_ln_bayes(rng.standard_normal((5, 9)), rng.standard_normal((5, 9))))
+    joint, _ = joint_evidence(*rng.standard_normal((2, 5, 9)), np.ones(9, bool))
+    assert np.isnan(joint.gaussian)
 
 
 # --- errors and convergence ------------------------------------------------------------------

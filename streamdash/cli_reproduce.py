@@ -1,0 +1,105 @@
+"""``streamdash reproduce``: the paper's evidence, table 1 and figures 1 to 5 from the cache."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from streamdash.cli_common import CacheOption, InputError, make_cache, messages
+
+
+def reproduce_command(
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR",
+            show_default="the folder of the figures, or reproduction",
+            help="Where results.json, table1.csv and table1.md go.",
+        ),
+    ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option("--figures", metavar="DIR", help="Also draw figures 1 to 5 there, as PNG and SVG."),
+    ] = None,
+    choices: Annotated[
+        bool, typer.Option("--choices", help="Also measure what each choice left open by the paper does.")
+    ] = False,
+    text: Annotated[
+        Path | None,
+        typer.Option(
+            "--text", metavar="FILE.md", help="Also write where and why the numbers differ (with --choices)."
+        ),
+    ] = None,
+    cache: CacheOption = None,
+) -> None:
+    """Redo the paper's Bayesian model selection; the paper's numbers stand beside."""
+    from streamdash.reproduce import load_sample, measure
+    from streamdash.reproduce_text import table_csv, table_markdown
+
+    folder = output or figures or Path("reproduction")
+    for directory in {folder, figures or folder}:
+        make_folder(directory)
+    where = make_cache(cache)
+    sample = load_sample(where)
+    results = measure(sample)
+    if choices or text is not None:
+        from streamdash.reproduce_choices import measure_choices
+
+        results["choices"] = measure_choices(where, sample)
+    write(folder / "results.json", json.dumps(rounded(results), indent=1, ensure_ascii=False) + "\n")
+    write(folder / "table1.csv", table_csv(results))
+    write(folder / "table1.md", table_markdown(results))
+    print(table_markdown(results), end="")
+    if text is not None:
+        from streamdash.reproduce_differences import differences
+
+        write(text, differences(rounded(results)))
+    if figures is not None:
+        from streamdash.plots.paper import save_figures
+
+        for path in save_figures(where, sample, figures):
+            messages.print(f"{path}", markup=False)
+
+
+def make_folder(directory: Path) -> None:
+    """Make a folder and those above it.
+
+    Raises
+    ------
+    InputError
+        In one sentence, when that is not possible.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"The folder {directory} cannot be made ({error.strerror}).") from None
+
+
+def write(path: Path, content: str) -> None:
+    """Write a text file.
+
+    Raises
+    ------
+    InputError
+        In one sentence, when that is not possible.
+    """
+    try:
+        path.write_text(content, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}).") from None
+
+
+def rounded(value: Any) -> Any:
+    """The same with numbers to six digits and NaN as null, so that files can be compared."""
+    if isinstance(value, dict):
+        return {name: rounded(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [rounded(part) for part in value]
+    if isinstance(value, float):
+        return float(f"{value:.6g}") if value == value else None
+    return value

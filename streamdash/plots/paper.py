@@ -1,0 +1,120 @@
+"""The paper's figures 1 to 5 as files, drawn with Matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import holoviews as hv
+
+from streamdash.evidence import PAPER_N_BINS, Comparison, compare
+from streamdash.plots import evidence, pdf, profiles
+from streamdash.plots.live import use
+from streamdash.plots.style import mass_text
+from streamdash.reproduce import NOISE, THREE_CLASSES, TWO_CLASSES, Sample
+from streamdash.store import Cache
+
+DPI = 150
+FIGURE_4_N_BIN = 20
+
+
+def save_figures(cache: Cache, sample: Sample, folder: Path) -> list[Path]:
+    """Draw figures 1 to 5 and write each as ``figureN.png`` and ``figureN.svg``.
+
+    Parameters
+    ----------
+    cache
+        Where the sample's ensembles are.
+    sample
+        With the paper's two and three classes.
+    folder
+        An existing folder.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+    """
+    renderer = use("matplotlib").instance(dpi=DPI)
+    paths = []
+    for number, make in FIGURES.items():
+        figure = make(cache, sample)
+        for kind in ("png", "svg"):
+            paths.append(folder / f"figure{number}.{kind}")
+            renderer.save(figure, str(paths[-1].with_suffix("")), fmt=kind)
+    return paths
+
+
+def figure_1(cache: Cache, sample: Sample) -> hv.Layout:
+    """Density along θ∥ for the two classes, without noise (paper fig. 1)."""
+    return _densities(cache, sample, TWO_CLASSES)
+
+
+def figure_2(cache: Cache, sample: Sample) -> hv.Layout:
+    """The same for the two parts of the large mass range (paper fig. 2)."""
+    return _densities(cache, sample, THREE_CLASSES[1:])
+
+
+def figure_3(cache: Cache, sample: Sample) -> hv.Layout:
+    """PDF(Qρ): medians and bands for N_bin = 10, 20, 50, 100 (paper fig. 3)."""
+    two = sample.only(TWO_CLASSES)
+    configs = [entry.config for entry in two.entries]
+    panels = [
+        pdf.draw(comparison, configs, "matplotlib", title=f"N_bin = {n_bin}")
+        for n_bin, comparison in _comparisons(two)
+    ]
+    return _layout(panels, columns=2)
+
+
+def figure_4(cache: Cache, sample: Sample) -> hv.Layout:
+    """Π(y_α|M) of all bins for N_bin = 20 (paper fig. 4)."""
+    two = sample.only(TWO_CLASSES)
+    configs = [entry.config for entry in two.entries]
+    comparison = compare(two.noisy(NOISE), NOISE, FIGURE_4_N_BIN)
+    panels = [
+        pdf.draw_y(comparison, alpha, configs, "matplotlib", f"α = {alpha + 1}")
+        for alpha in range(FIGURE_4_N_BIN)
+    ]
+    return _layout(panels, columns=4)
+
+
+def figure_5(cache: Cache, sample: Sample) -> hv.Layout:
+    """ln B per bin for N_bin = 10, 20, 50, 100, both fiducials (paper fig. 5)."""
+    two = sample.only(TWO_CLASSES)
+    configs = [entry.config for entry in two.entries]
+    panels = [
+        evidence.draw(
+            comparison,
+            fiducial,
+            configs,
+            "matplotlib",
+            f"N_bin = {n_bin}, fiducial {mass_text(configs[fiducial].perturbers.mass_range)}",
+        )
+        for n_bin, comparison in _comparisons(two)
+        for fiducial in (0, 1)
+    ]
+    return _layout(panels, columns=2)
+
+
+FIGURES: dict[int, Callable[[Cache, Sample], hv.Layout]] = {
+    1: figure_1,
+    2: figure_2,
+    3: figure_3,
+    4: figure_4,
+    5: figure_5,
+}
+
+
+def _densities(cache: Cache, sample: Sample, labels: Sequence[str]) -> hv.Layout:
+    keys = [entry.key for entry in sample.only(labels).entries]
+    return profiles.profiles_figure(cache, keys, quantity="rho", coordinate="theta")
+
+
+def _comparisons(sample: Sample) -> list[tuple[int, Comparison]]:
+    noisy = sample.noisy(NOISE)
+    return [(n_bin, compare(noisy, NOISE, n_bin)) for n_bin in PAPER_N_BINS]
+
+
+def _layout(panels: Sequence[hv.Overlay], columns: int) -> hv.Layout:
+    layout = hv.Layout(list(panels)).cols(columns)
+    return layout.opts(sublabel_format="", tight=True, backend="matplotlib")
