@@ -21,6 +21,7 @@ import xarray as xr
 from cachetools import LRUCache
 
 from app.catalog import Catalog, Choice, read_catalog
+from app.work import Work
 from streamdash import survey
 from streamdash.config import StreamModel
 from streamdash.geometry import Geometry
@@ -47,10 +48,16 @@ class Services:
         The cache that sessions read.
     memory
         Bytes that shared results may keep.
+
+    Attributes
+    ----------
+    work : Work
+        Long computations with progress and cancel.
     """
 
     def __init__(self, cache: Cache, memory: int = MEMORY_BYTES) -> None:
         self.cache = cache
+        self.work = Work()
         self._results: LRUCache = LRUCache(memory, getsizeof=_size)
         self._running: dict[Hashable, tuple[Future, int]] = {}
         self._lock = threading.Lock()

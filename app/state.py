@@ -21,6 +21,7 @@ QUANTITIES = {"q_rho": "Qρ", "rho": "ρ", "omega": "⟨Ω∥⟩"}
 N_BIN = (2, 500)
 HIGHLIGHTS_MAX = 10
 SEED_MAX = 9999
+N_PCA_MAX = 100
 _LONGEST_SHOWN = 40
 
 
@@ -83,6 +84,12 @@ FIELDS: dict[str, Field] = {
     "y": option(*QUANTITIES),
     "highlight": integer(0, HIGHLIGHTS_MAX),
     "seed": integer(0, SEED_MAX),
+    "preset": option("best", "paper"),
+    "n_pca": integer(1, N_PCA_MAX),
+    "features": option("both", "pca", "summaries"),
+    "depth": integer(0, 128),
+    "trees": integer(0, 2000),
+    "cell": integer(0, CLASSES_MAX**2),
     "theme": option("default", "dark"),
 }
 """Values that can be checked alone; ``page``, ``stream`` and ``mass`` need to know what exists."""
@@ -107,6 +114,18 @@ class Session(param.Parameterized):
     y = param.Selector(default="q_rho", objects=list(QUANTITIES), doc="quantity shown in profiles")
     highlight = param.Integer(3, bounds=(0, HIGHLIGHTS_MAX), doc="number of highlighted streams")
     seed = param.Integer(0, bounds=(0, SEED_MAX), doc="seed that picks the highlighted streams")
+    preset = param.Selector(default="best", objects=["best", "paper"], doc="classifier to start from")
+    n_pca = param.Integer(30, bounds=(1, N_PCA_MAX), doc="principal components the classifier is given")
+    features = param.Selector(
+        default="both", objects=["both", "pca", "summaries"], doc="what the classifier is given"
+    )
+    depth = param.Integer(0, bounds=(0, 128), doc="depth of the trees; 0: the preset's")
+    trees = param.Integer(0, bounds=(0, 2000), doc="trees per class; 0: the preset's")
+    cell = param.Integer(
+        0,
+        bounds=(0, CLASSES_MAX**2),
+        doc="cell of the confusion matrix looked into, row by row from 1; 0: the most common mistake",
+    )
     theme = param.Selector(default="default", objects=["default", "dark"], doc="light or dark")
 
     problems = param.List([], item_type=str, doc="what was wrong with the link, one sentence each")

@@ -63,9 +63,9 @@ class ModelStore:
 
     @classmethod
     def default(cls) -> ModelStore:
-        """``models`` in the folder that STREAMDASH_CACHE names, or in the user's cache folder."""
-        root = os.environ.get("STREAMDASH_CACHE") or platformdirs.user_cache_dir("streamdash")
-        return cls(Path(root) / "models")
+        """The folder that STREAMDASH_MODELS names, or ``models`` in the user's cache folder."""
+        chosen = os.environ.get("STREAMDASH_MODELS")
+        return cls(Path(chosen) if chosen else platformdirs.user_cache_path("streamdash") / "models")
 
     def keys(self) -> list[str]:
         """Models there are, the last used first."""

@@ -13,6 +13,7 @@ coordinate (l, φ1, θ∥) will do.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -25,17 +26,22 @@ from sklearn.preprocessing import StandardScaler
 
 from streamdash.config import Config
 
-Summary = Literal["moments", "quantiles", "bands", "spectrum", "histogram"]
-ALL_SUMMARIES: tuple[Summary, ...] = ("moments", "quantiles", "bands", "spectrum", "histogram")
+Summary = Literal["moments", "quantiles", "bands", "spectrum", "histogram", "gaps"]
+ALL_SUMMARIES: tuple[Summary, ...] = ("moments", "quantiles", "bands", "spectrum", "histogram", "gaps")
 
 QUANTILES = np.array([0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99])
 HISTOGRAM_EDGES = np.array([0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.4, 1.6, 1.8, 2.0, 2.5])
-N_BLOCKS = 6
+N_BLOCKS = 12
 """Stretches of the stream in which the power of each band is measured."""
+GAP_LEVELS = np.array([0.5, 0.75, 1.5, 2.0])
+"""Levels of the smoothed Qρ: how much of the stream lies below the first two, above the others."""
 N_WAVENUMBERS = 15
 """Logarithmic bins of the power spectrum."""
 POWER_FLOOR = 1e-6
 """Added before the logarithm of a power, so that a constant profile has one."""
+
+Scales = dict[int, np.ndarray]
+"""Profiles (n_streams, n_bins) by the width in bins over which they are smoothed; 1 for as observed."""
 
 
 class FeatureSet(Config):
@@ -145,7 +151,7 @@ def summarise(q: np.ndarray, features: FeatureSet) -> np.ndarray:
     """
     q = np.asarray(q, np.float32)
     widths = _widths(features, q.shape[1])
-    smoothed = [q, *(uniform_filter1d(q, w, axis=1, mode="nearest") for w in widths)]
+    smoothed = {1: q} | {w: uniform_filter1d(q, w, axis=1, mode="nearest") for w in widths}
     groups = [_COMPUTE[name](smoothed) for name in features.summaries]
     return np.concatenate(groups, axis=1).astype(np.float32)
 
@@ -155,10 +161,10 @@ def _widths(features: FeatureSet, n_bins: int) -> tuple[int, ...]:
     return tuple(w for w in features.scales if w < n_bins)
 
 
-def _moments(smoothed: list[np.ndarray]) -> np.ndarray:
+def _moments(smoothed: Scales) -> np.ndarray:
     """Mean, standard deviation, skewness and kurtosis at each scale."""
     columns = []
-    for x in smoothed:
+    for x in smoothed.values():
         mean = x.mean(axis=1)
         z = x - mean[:, None]
         std = z.std(axis=1) + np.float32(1e-9)
@@ -166,31 +172,31 @@ def _moments(smoothed: list[np.ndarray]) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-def _quantiles(smoothed: list[np.ndarray]) -> np.ndarray:
+def _quantiles(smoothed: Scales) -> np.ndarray:
     """Quantiles of Qρ at each scale, and its extremes at the smoothed ones."""
     columns = []
-    for x in smoothed:
+    for x in smoothed.values():
         ordered = np.sort(x, axis=1)
         index = np.round(QUANTILES * (x.shape[1] - 1)).astype(int)
         columns += [ordered[:, index], ordered[:, [0, -1]]]
     return np.concatenate(columns, axis=1)
 
 
-def _bands(smoothed: list[np.ndarray]) -> np.ndarray:
+def _bands(smoothed: Scales) -> np.ndarray:
     """Between neighbouring scales: log power overall and per block, lowest and highest value."""
     columns = []
-    for fine, coarse in zip(smoothed[:-1], smoothed[1:], strict=True):
+    for fine, coarse in itertools.pairwise(smoothed.values()):
         band = fine - coarse
         power = band**2
         blocks = [block.mean(axis=1) for block in np.array_split(power, N_BLOCKS, axis=1)]
         columns += [np.log(p + POWER_FLOOR) for p in (power.mean(axis=1), *blocks)]
         columns += [band.min(axis=1), band.max(axis=1)]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(smoothed[0]), 0), np.float32)
+    return np.stack(columns, axis=1) if columns else np.zeros((len(smoothed[1]), 0), np.float32)
 
 
-def _spectrum(smoothed: list[np.ndarray]) -> np.ndarray:
+def _spectrum(smoothed: Scales) -> np.ndarray:
     """Log power in logarithmic bins of wavenumber."""
-    q = smoothed[0]
+    q = smoothed[1]
     power = np.abs(np.fft.rfft(q - q.mean(axis=1, keepdims=True), axis=1)) ** 2 / q.shape[1]
     edges = np.geomspace(1, power.shape[1], N_WAVENUMBERS + 1)
     columns = []
@@ -200,20 +206,35 @@ def _spectrum(smoothed: list[np.ndarray]) -> np.ndarray:
     return np.log(np.stack(columns, axis=1) + POWER_FLOOR)
 
 
-def _histogram(smoothed: list[np.ndarray]) -> np.ndarray:
+def _histogram(smoothed: Scales) -> np.ndarray:
     """Share of bins with Qρ in each interval of `HISTOGRAM_EDGES`, and below and above them."""
-    q = smoothed[0]
+    q = smoothed[1]
     n_cells = len(HISTOGRAM_EDGES) + 1
     cell = np.searchsorted(HISTOGRAM_EDGES, q) + n_cells * np.arange(len(q))[:, None]
     return np.bincount(cell.ravel(), minlength=n_cells * len(q)).reshape(len(q), n_cells) / q.shape[1]
 
 
-_COMPUTE: dict[Summary, Callable[[list[np.ndarray]], np.ndarray]] = {
+def _gaps(smoothed: Scales) -> np.ndarray:
+    """At each scale but the finest: where and how steep gaps and pile-ups are, and how much they cover."""
+    columns = []
+    for width, x in list(smoothed.items())[1:]:
+        n_bins = x.shape[1]
+        rise = x[:, width:] - x[:, :-width]
+        below = [(x < level).mean(axis=1) for level in GAP_LEVELS[:2]]
+        above = [(x > level).mean(axis=1) for level in GAP_LEVELS[2:]]
+        crossings = (np.diff(x > 1, axis=1)).sum(axis=1)
+        columns += [x.argmin(axis=1) / n_bins, x.argmax(axis=1) / n_bins, rise.min(axis=1), rise.max(axis=1)]
+        columns += [*below, *above, crossings]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(smoothed[1]), 0), np.float32)
+
+
+_COMPUTE: dict[Summary, Callable[[Scales], np.ndarray]] = {
     "moments": _moments,
     "quantiles": _quantiles,
     "bands": _bands,
     "spectrum": _spectrum,
     "histogram": _histogram,
+    "gaps": _gaps,
 }
 
 
@@ -229,5 +250,9 @@ def _names(summary: Summary, widths: tuple[int, ...]) -> list[str]:
         return [f"{p} of {a} - {b}" for a, b in zip(scales[:-1], scales[1:], strict=True) for p in parts]
     if summary == "spectrum":
         return [f"P(k) bin {i + 1}" for i in range(N_WAVENUMBERS)]
+    if summary == "gaps":
+        parts = ("place of lowest", "place of highest", "steepest fall", "steepest rise")
+        shares = [f"share {'below' if level < 1 else 'above'} {level:g}" for level in GAP_LEVELS]
+        return [f"{p} of {s}" for s in scales[1:] for p in (*parts, *shares, "crossings of 1")]
     pairs = zip(HISTOGRAM_EDGES[:-1], HISTOGRAM_EDGES[1:], strict=True)
     return [f"share of Qρ {c}" for c in ("below", *(f"{a:g} to {b:g}" for a, b in pairs), "above")]

@@ -60,9 +60,10 @@ Rules
 from __future__ import annotations
 
 from app.pages.base import Page
+from app.pages.classifier import ClassifierPage
 from app.pages.evidence import EvidencePage
 from app.pages.pdf import PdfPage
 from app.pages.profiles import ProfilesPage
 
-PAGES: tuple[type[Page], ...] = (ProfilesPage, PdfPage, EvidencePage)
+PAGES: tuple[type[Page], ...] = (ProfilesPage, PdfPage, EvidencePage, ClassifierPage)
 """All pages, in the navigation's order."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import holoviews as hv
 import numpy as np
@@ -278,17 +279,59 @@ def draw_streams(
     return shown
 
 
+def streams_layout(streams: LabelledStreams, judged: Judged, rows: np.ndarray) -> hv.Layout:
+    """The least certain streams of a cell on one page, for a file."""
+    use("matplotlib")
+    shown = draw_streams(streams, judged, rows, "matplotlib")
+    if not shown:
+        raise ValueError("No test stream is in this cell.")
+    return hv.Layout(shown).cols(2)
+
+
 def streams_table(streams: LabelledStreams, judged: Judged, rows: np.ndarray) -> pd.DataFrame:
     """All streams of a cell: which they are, and the probability of each class."""
     owner, index = streams.locate(rows)
-    place = {row: k for k, row in enumerate(judged.rows)}
-    probability = judged.probability[[place[row] for row in rows]] if len(rows) else np.zeros((0, 1))
+    probability = judged.probability[np.searchsorted(judged.rows, rows)]
     labels = judged.classifier.card.labels
-    columns = {f"probability {label}": probability[:, c] for c, label in enumerate(labels) if len(rows)}
-    spread = streams.clean[rows].std(axis=1)
-    return pd.DataFrame(
-        {"true_class": [labels[c] for c in owner], "stream": index, "std_q_rho": spread, **columns}
+    columns = {"true_class": [labels[c] for c in owner], "stream": index}
+    if streams.n_impacts:
+        columns["n_impacts"] = [streams.n_impacts[c][i] for c, i in zip(owner, index, strict=True)]
+    columns["std_q_rho"] = streams.clean[rows].std(axis=1)
+    columns |= {f"probability {label}": probability[:, c] for c, label in enumerate(labels)}
+    return pd.DataFrame(columns)
+
+
+def stream_caption(record: dict[str, Any]) -> str:
+    """One row of `streams_table` in words."""
+    impacts = f", {record['n_impacts']} impacts" if "n_impacts" in record else ""
+    shares = ", ".join(
+        f"{class_names([name.removeprefix('probability ')])[0]}: {100 * value:.0f} %"
+        for name, value in record.items()
+        if name.startswith("probability ")
     )
+    return f"Stream {record['stream']}{impacts} · {shares}"
+
+
+def streams_sentence(streams: LabelledStreams, judged: Judged, truth: int, taken_for: int) -> str:
+    """What sets the streams of a cell apart from those of their class that are put right."""
+    names = class_names(judged.classifier.card.labels)
+    rows, right = judged.cell(truth, taken_for), judged.cell(truth, truth)
+    verb = "put right" if truth == taken_for else f"taken for {names[taken_for]}"
+    head = f"{len(rows)} of {judged.scores.counts[truth].sum()} test streams of {names[truth]} are {verb}"
+    if truth == taken_for or len(rows) == 0 or len(right) == 0:
+        shown = min(SHOWN_STREAMS, len(rows))
+        return f"{head}; the {shown} least certain are shown." if shown else f"{head}."
+    ours, others = (float(np.median(streams.clean[r].std(axis=1))) for r in (rows, right))
+    text = f"{head}. Their Qρ spreads by {ours:.2f} (median of its standard deviation), against {others:.2f}"
+    if streams.n_impacts:
+        hits, usual = (_median_impacts(streams, r) for r in (rows, right))
+        text += f", and they had {hits:g} impacts, against {usual:g},"
+    return f"{text} among those put right."
+
+
+def _median_impacts(streams: LabelledStreams, rows: np.ndarray) -> float:
+    owner, index = streams.locate(rows)
+    return float(np.median([streams.n_impacts[c][i] for c, i in zip(owner, index, strict=True)]))
 
 
 def _noise_text(judged: Judged) -> str:
