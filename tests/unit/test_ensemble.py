@@ -185,7 +185,7 @@ def test_an_interrupt_from_the_keyboard_keeps_chunks_and_frees_the_entry(
 def test_a_killed_worker_is_reported_and_loses_only_its_chunk(config, undisturbed, geometry_cache):
     from joblib.externals.loky import reusable_executor
 
-    many = config.model_copy(update={"n_streams": 1000})
+    many = config.model_copy(update={"n_streams": 500})
 
     killed = []
 
@@ -198,7 +198,7 @@ def test_a_killed_worker_is_reported_and_loses_only_its_chunk(config, undisturbe
     with pytest.raises(WorkerError, match="worker process was killed"):
         simulate(many, "processes", 2, geometry_cache, progress=kill_the_workers)
     entry = geometry_cache.find(many.key)
-    assert 0 < entry.n_done < 1000
+    assert 0 < entry.n_done < 500
     assert geometry_cache.verify(entry) == []
     resumed = simulate(many, "processes", 2, geometry_cache)
     xr.testing.assert_identical(resumed.isel(stream=slice(130)), undisturbed[0])
@@ -272,15 +272,15 @@ def start():
 
 
 def test_after_a_kill_the_same_command_gives_the_same_bytes(config, geometry_cache, tmp_path, toy, start):
-    many = config.model_copy(update={"n_streams": 1500})
-    process = start(command(config, geometry_cache, 1500))
-    wait_for_chunks(geometry_cache, many.key, 2 * CHUNK, process)
+    many = config.model_copy(update={"n_streams": 600})
+    process = start(command(config, geometry_cache, 600))
+    wait_for_chunks(geometry_cache, many.key, CHUNK, process)
     process.send_signal(signal.SIGKILL)
     process.wait()
     entry = geometry_cache.find(many.key)
     assert entry.state == "partial"
     assert geometry_cache.verify(entry) == []
-    assert start(command(config, geometry_cache, 1500)).wait() == 0
+    assert start(command(config, geometry_cache, 600)).wait() == 0
     untouched = tmp_path / "untouched"
     shutil.copytree(geometry_cache.roots[0] / "geometries", untouched / "geometries")
     simulate(many, "processes", 2, Cache.default(untouched))
