@@ -71,7 +71,9 @@ class Page:
                 widget.value = to_widget(getattr(session, name))
 
         def from_session(event: Any) -> None:
-            widget.value = to_widget(event.new)
+            # Not what the widget just said, only rounded: an echo would pull a slider back.
+            if to_session(widget.value) != event.new:
+                widget.value = to_widget(event.new)
 
         widget.param.watch(from_widget, "value")
         self._watchers.append(session.param.watch(from_session, name))

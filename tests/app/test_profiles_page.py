@@ -210,6 +210,10 @@ def test_widgets_and_session_follow_one_another_until_the_page_closes(open_shell
     assert session.noise == 0.42
     session.noise = 0.17
     assert slider.value == 0.17
+    slider.value = 0.30000000000000004  # what a browser makes of thirty steps of 0.01
+    assert session.noise == 0.3
+    assert slider.value == 0.30000000000000004  # not echoed: the thumb may be further on by now
+    session.noise = 0.17
     slider.value = 7.0  # as a hand-made message could
     assert session.noise == slider.value == 0.17
     shell.close()

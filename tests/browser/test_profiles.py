@@ -149,7 +149,8 @@ def test_a_phone_shows_everything_without_sideways_scrolling(tab, theme):
           return [...new Set(wide)]
         }"""
     )
-    allowed = ("MuiTab", "scroller")  # the navigation scrolls within itself
+    # The navigation scrolls within itself; Bokeh's glyphs have empty boxes beside their canvas.
+    allowed = ("MuiTab", "scroller", "bk-GlyphRenderer")
     assert [w for w in wide if not any(name in w for name in allowed)] == []
 
 
@@ -168,13 +169,13 @@ def test_everything_comes_from_the_server_and_nothing_complains(tab, address):
 
 def test_two_tabs_do_not_touch_each_other(tab):
     first, second = tab(TWO + "&noise=0.1").page, tab(TWO + "&noise=0.1").page
-    before = band(second)
+    before, link = band(second), address_bar(second)
     noise_thumb(first).focus()
     for _ in range(5):
         first.keyboard.press("ArrowRight")
     first.wait_for_function("() => location.search.includes('noise=0.15')")
     np.testing.assert_array_equal(band(second), before)
-    assert "noise" not in address_bar(second)
+    assert address_bar(second) == link
     assert not np.array_equal(band(first), before)
 
 
