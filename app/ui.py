@@ -362,6 +362,19 @@ class FigureCard:
             self._listing.object = f"<pre tabindex='0'><code>{html.escape(self._code())}</code></pre>"
 
 
+def document(title: str, markdown: str, name: str) -> Viewable:
+    """A longer text of ours, closed until somebody opens it; ``sd-<name>`` is its class."""
+    text = pn.pane.Markdown(markdown, renderer_options={"html": False}, sizing_mode=WIDE, margin=(0, 8))
+    return pmui.Accordion(
+        (title, pn.Column(text, sizing_mode=WIDE, margin=0, styles={"overflow-x": "auto"})),
+        disable_gutters=True,
+        sizing_mode=WIDE,
+        margin=(8, 0),
+        elevation=0,
+        css_classes=[f"sd-{name}"],
+    )
+
+
 def _download(filename: str, kind: str, make: Callable[[], bytes]) -> pmui.FileDownload:
     return pmui.FileDownload(
         callback=lambda: io.BytesIO(make()),

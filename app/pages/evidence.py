@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import panel as pn
@@ -34,6 +35,7 @@ LEGEND = (
     ("dashes", "|ln B| = 1, 2.5, 5: weak, moderate, strong"),
 )
 WAITING = "Computing …"
+DIFFERENCES = Path(__file__).resolve().parents[2] / "docs" / "differences.md"
 PAPER_RANGES = ["1e3-1e5", "1e5-1e9"]
 
 
@@ -66,6 +68,7 @@ class EvidencePage(Page):
             self.card.view,
             self.table_card.view,
             self.growth_card.view,
+            *_differences(),
         )
 
     @property
@@ -149,7 +152,7 @@ class EvidencePage(Page):
             ui.ensemble_picker(self),
             ui.noise_slider(self),
             ui.int_slider(self, "n_bin", "Bins of Qρ, N_bin", *N_BIN_SHOWN),
-            ui.toggle(self, "fiducial", "Fiducial: what the perturbers really are", fiducials),
+            ui.toggle(self, "fiducial", "Fiducial model", fiducials),
             ui.toggle(self, "exclude", "Bins count within 3 times", widths),
         )
 
@@ -263,6 +266,14 @@ class EvidencePage(Page):
 
     def _measured_argument(self) -> str:
         return ", measured=True" if self.session.exclude == "measured" else ""
+
+
+def _differences() -> list[Viewable]:
+    """The text that `streamdash reproduce --text` wrote, where this checkout has it."""
+    if not DIFFERENCES.is_file():
+        return []
+    heading, _, text = DIFFERENCES.read_text(encoding="utf-8").partition("\n")
+    return [ui.document(heading.lstrip("# "), text, "differences")]
 
 
 def _code_profiles(session: Any) -> str:
