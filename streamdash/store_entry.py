@@ -25,7 +25,7 @@ from datetime import UTC, datetime
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -237,7 +237,7 @@ class Entry:
     path: Path
     state: Literal["complete", "partial", "damaged", "foreign"]
     reason: str
-    config: Config | None
+    config: Any  # which of the two kinds of configuration follows from `kind`, beyond a type checker
     n_done: int
     n_total: int
     size_bytes: int
