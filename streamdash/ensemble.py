@@ -9,6 +9,8 @@ is missing is computed, in any order, and written by this process alone.
 from __future__ import annotations
 
 import contextlib
+import os
+import threading
 import time
 import warnings
 from collections.abc import Callable, Generator
@@ -34,6 +36,7 @@ Progress = Callable[[int, int], None]
 
 BACKENDS = {"inline": "sequential", "processes": "loky"}
 BUSY_POLL_S = 0.5
+PARENT_POLL_S = 1.0
 TIMING_S = 2.0
 """An estimate of the cost times streams for about this long."""
 
@@ -194,6 +197,24 @@ def compute_chunk(config: EnsembleConfig, index: int, cache: Cache) -> Chunk:
     return Chunk(index, density, omega, n_impacts, time.perf_counter() - start)
 
 
+def _work(config: EnsembleConfig, index: int, cache: Cache, parent: int) -> Chunk:
+    """`compute_chunk` in a worker process that ends when process `parent` does."""
+    _end_with(parent)
+    return compute_chunk(config, index, cache)
+
+
+@lru_cache(maxsize=1)
+def _end_with(parent: int) -> None:
+    # Workers of a killed process would wait for work for ever: each holds the others' pipe open.
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(PARENT_POLL_S)
+        os._exit(1)
+
+    if os.getppid() == parent:  # not so in the parent itself, which is its own only worker
+        threading.Thread(target=watch, daemon=True).start()
+
+
 @lru_cache(maxsize=2)
 def _geometry(stream: StreamModel, cache: Cache) -> Geometry:
     dataset = cache.open_geometry(stream)
@@ -215,7 +236,9 @@ def _compute(
     try:
         with joblib.parallel_config(backend=backend, n_jobs=n_jobs, **limits):
             parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
-            results = parallel(joblib.delayed(compute_chunk)(config, index, cache) for index in indices)
+            work = joblib.delayed(_work if backend == "loky" else compute_chunk)
+            parent = (os.getpid(),) if backend == "loky" else ()
+            results = parallel(work(config, index, cache, *parent) for index in indices)
             try:
                 # Not `yield from`, which would close them before the warnings are off.
                 for chunk in results:  # noqa: UP028

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -242,6 +243,11 @@ def command(config: EnsembleConfig, cache: Cache, n_streams: int) -> list[str]:
     ]
 
 
+def children(pid: int) -> list[int]:
+    """Process numbers of the children of a process."""
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
 def wait_for_chunks(cache: Cache, key: str, n_done: int, process: subprocess.Popen) -> None:
     deadline = time.monotonic() + 120
     while time.monotonic() < deadline and process.poll() is None:
@@ -275,6 +281,8 @@ def test_after_a_kill_the_same_command_gives_the_same_bytes(config, geometry_cac
     many = config.model_copy(update={"n_streams": 600})
     process = start(command(config, geometry_cache, 600))
     wait_for_chunks(geometry_cache, many.key, CHUNK, process)
+    workers = children(process.pid)
+    assert len(workers) >= 2
     process.send_signal(signal.SIGKILL)
     process.wait()
     entry = geometry_cache.find(many.key)
@@ -284,6 +292,7 @@ def test_after_a_kill_the_same_command_gives_the_same_bytes(config, geometry_cac
     untouched = tmp_path / "untouched"
     shutil.copytree(geometry_cache.roots[0] / "geometries", untouched / "geometries")
     simulate(many, "processes", 2, Cache.default(untouched))
+    assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()]  # they noticed
     assert files(toy, geometry_cache, many) == files(toy, Cache.default(untouched), many)
 
 
