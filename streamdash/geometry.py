@@ -128,9 +128,7 @@ class Geometry:
             units). Entries beyond a time's `table_ends` repeat the last one.
         """
         n_entry = int(np.ceil(np.nanmax(self.node_theta) / TABLE_STEP)) + 2
-        return np.stack(
-            [self._table(k, np.arange(n_entry) * TABLE_STEP) for k in range(len(self.times))]
-        )
+        return np.stack([self._table(k, np.arange(n_entry) * TABLE_STEP) for k in range(len(self.times))])
 
     @cached_property
     def table_ends(self) -> np.ndarray:
@@ -158,9 +156,7 @@ class Geometry:
 
     def to_dataset(self) -> xr.Dataset:
         """The geometry as a Dataset of plain numbers, for the cache."""
-        data = {
-            name: (dims, getattr(self, name)) for name, dims in _DIMS.items() if dims
-        }
+        data = {name: (dims, getattr(self, name)) for name, dims in _DIMS.items() if dims}
         scalars = {name: float(getattr(self, name)) for name, dims in _DIMS.items() if not dims}
         return xr.Dataset(data, attrs=scalars)
 

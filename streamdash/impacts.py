@@ -5,6 +5,7 @@ Sampling follows Bovy, Erkal & Sanders (2017) §2.3, in the order of the paper's
 
 from __future__ import annotations
 
+import math
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
@@ -135,7 +136,9 @@ def check_impacts(impacts: Impacts, geometry: Geometry | None = None) -> None:
         return
     age = geometry.stream.age_gyr
     time = impacts.time_gyr
-    _refuse((time <= 0) | (time >= age), "time_gyr", time, f"must lie within the stream's life, 0 to {age:g} Gyr")
+    _refuse(
+        (time <= 0) | (time >= age), "time_gyr", time, f"must lie within the stream's life, 0 to {age:g} Gyr"
+    )
     index, distance = _nearest_time(geometry, time)
     bad = distance > TIME_TOLERANCE_GYR
     if bad.any():
@@ -166,7 +169,7 @@ def _refuse(bad: np.ndarray, name: str, values, fix: str) -> None:
         raise ImpactsError(f"row {row + 1}, column {name}: {fix} (got {shown}).")
 
 
-def scale_radius(mass: np.ndarray | float, perturbers: Perturbers) -> np.ndarray | float:
+def scale_radius(mass, perturbers: Perturbers):
     """Scale radius r_s(M) in kpc: 1.05 kpc (Hernquist) or 1.62 kpc (Plummer) · (M/10⁸)^½."""
     return SCALE_RADIUS_KPC[perturbers.profile] * perturbers.rs_factor * (mass / 1e8) ** 0.5
 
@@ -227,7 +230,8 @@ def _cutoff_fraction(perturbers: Perturbers) -> float:
 
 def _mass_weights(perturbers: Perturbers) -> tuple[np.ndarray, np.ndarray]:
     """p(ln M) ∝ M · M^slope · r_s(M) · exp(-M_cut/M) on a grid of ln M, unnormalised."""
-    log_mass = np.linspace(*np.log(perturbers.mass_range), 4097)
+    low, high = perturbers.mass_range
+    log_mass = np.linspace(math.log(low), math.log(high), 4097)
     weight = np.exp((perturbers.slope + 1.5) * (log_mass - log_mass[0]))
     if perturbers.cutoff_mass is not None:
         weight = weight * np.exp(-perturbers.cutoff_mass / np.exp(log_mass))
@@ -263,10 +267,11 @@ def sample_impacts(geometry: Geometry, perturbers: Perturbers, rng: np.random.Ge
     b = perturbers.X * r_s * rng.uniform(-1.0, 1.0, n)
     velocity = _sample_velocities(geometry, k, theta, perturbers.sigma_h, rng)
     time = np.asarray(geometry.stream.impact_times_gyr)[k]
-    return Impacts(time, theta, b, *velocity.T, mass, r_s)
+    vx, vy, vz = velocity.T
+    return Impacts(time, theta, b, vx, vy, vz, mass, r_s)
 
 
-def _arc_length_at(geometry: Geometry, theta: np.ndarray) -> np.ndarray:
+def _arc_length_at(geometry: Geometry, theta) -> np.ndarray:
     """Physical length from the progenitor to angle theta[k] at each time k, kpc."""
     grid = TABLE_STEP * np.arange(geometry.arc_lengths.shape[1])
     return np.array([np.interp(t, grid, arc) for t, arc in zip(theta, geometry.arc_lengths, strict=True)])

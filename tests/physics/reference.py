@@ -28,8 +28,15 @@ def kick_grids(geometry, impacts, spacing, profile="hernquist"):
             closest = _columns(geometry, k, impacts.theta[i : i + 1])[0]
             w = np.array([impacts.vx_kms[i], impacts.vy_kms[i], impacts.vz_kms[i]]) / V0_KMS
             kick = velocity_kick(
-                table[:, 3:6], table[:, :3], impacts.b_kpc[i] / R0_KPC, w, closest[:3], closest[3:6],
-                impacts.mass_msun[i] * gravity(), impacts.r_s_kpc[i] / R0_KPC, profile,
+                table[:, 3:6],
+                table[:, :3],
+                impacts.b_kpc[i] / R0_KPC,
+                w,
+                closest[:3],
+                closest[3:6],
+                impacts.mass_msun[i] * gravity(),
+                impacts.r_s_kpc[i] / R0_KPC,
+                profile,
             )
             total += np.einsum("nc,nc->n", table[:, 6:], kick)
         grids.append(total)
@@ -77,7 +84,17 @@ def march(geometry, impacts, theta, steps=200, spacing=2e-5, profile="hernquist"
     omega = np.arange(mean - half, mean + half, sigma / steps)
     end = np.array([(len(grid) - 2) * spacing for grid in grids])
     density, weighted = _march(
-        np.asarray(theta), omega, np.diff(times, prepend=0.0), spacing, start, size,
-        np.concatenate(grids), end, mean, sigma, geometry.t_disrupt, times[-1],
+        np.asarray(theta),
+        omega,
+        np.diff(times, prepend=0.0),
+        spacing,
+        start,
+        size,
+        np.concatenate(grids),
+        end,
+        mean,
+        sigma,
+        geometry.t_disrupt,
+        times[-1],
     )
     return density / steps / np.sqrt(2 * np.pi), weighted / density

@@ -45,7 +45,13 @@ def test_one_impact_equals_galpys_gap(geometry, gap_at, profile, case):
         if hasattr(gap, name):
             delattr(gap, name)
     gap._determine_deltav_kick(
-        theta, b / R0_KPC, np.array(w) / V0_KMS, mass * gravity(), r_s / R0_KPC, None, 3,
+        theta,
+        b / R0_KPC,
+        np.array(w) / V0_KMS,
+        mass * gravity(),
+        r_s / R0_KPC,
+        None,
+        3,
         profile == "hernquist",
     )
     gap._determine_deltaOmegaTheta_kick(3)

@@ -74,12 +74,20 @@ def test_frequency_kick_equals_galpys(geometry, gap_at, profile, case):
         if hasattr(gap, name):
             delattr(gap, name)
     gap._determine_deltav_kick(
-        theta, b / R0_KPC, np.array(w) / V0_KMS, mass * gravity(), r_s / R0_KPC, None, 3,
+        theta,
+        b / R0_KPC,
+        np.array(w) / V0_KMS,
+        mass * gravity(),
+        r_s / R0_KPC,
+        None,
+        3,
         profile == "hernquist",
     )
     gap._determine_deltaOmegaTheta_kick(3)
     tables = kick_tables(
-        geometry, one(geometry, k, theta, b, w, mass, r_s), profile,
+        geometry,
+        one(geometry, k, theta, b, w, mass, r_s),
+        profile,
         Accuracy(kick_spacing=5e-5, kick_tolerance=1e-6),
     )
     angles = (np.arange(tables.size[0]) - PAD + 0.5) * tables.step[0]
