@@ -55,6 +55,7 @@ class Later:
             return
         future = self.services.shared(("later",), lambda: ThreadPoolExecutor(1, "later")).submit(compute)
         document = self._document
+        assert document is not None  # there was one when the timer was set
         # The one call on a document that another thread may make.
         future.add_done_callback(
             lambda done: document.add_next_tick_callback(lambda: self._finish(number, done))

@@ -61,4 +61,4 @@ def send_small_messages_at_once() -> None:
         return opened(handler, *args, **kwargs)
 
     open_without_delay.nodelay = True  # type: ignore[attr-defined]
-    WSHandler.open = open_without_delay
+    WSHandler.open = open_without_delay  # type: ignore[method-assign]

@@ -99,8 +99,8 @@ class Shell:
         if not self.session.ensembles:
             slot[:] = [ui.no_ensembles()]
             return
-        self.page = self.pages[self.key](self.session, self.services)
-        self._attempt(lambda: slot.append(self.page.view()))
+        page = self.page = self.pages[self.key](self.session, self.services)
+        self._attempt(lambda: slot.append(page.view()))
 
     def _attempt(self, action: Callable[[], Any]) -> None:
         """Run a page's code; what goes wrong becomes a sentence, never a traceback in the page."""

@@ -163,7 +163,7 @@ def compare(sample: Sample, noise: float, n_resamples: int) -> dict[str, Any]:
     }
 
 
-def _pdf_facts(sample: Sample, noise: float, n_bin: int = 20) -> list[dict[str, float]]:
+def _pdf_facts(sample: Sample, noise: float, n_bin: int = 20) -> list[dict[str, Any]]:
     """Per class, the median PDF(Qρ): where it peaks, how high, and how wide it is."""
     pdfs = measure_pdfs(sample.noisy(noise), n_bin)
     facts = []

@@ -95,7 +95,7 @@ class Materials:
     cache: Cache
     plain: Setting
 
-    def observed(self, edges: np.ndarray, coordinate: str = "ell") -> list[np.ndarray]:
+    def observed(self, edges: np.ndarray, coordinate: survey.Coordinate = "ell") -> list[np.ndarray]:
         """Qρ without noise in other bins along the stream."""
         return [
             survey.q_rho(self.sample.geometry, self.cache.open_ensemble(entry.key), edges, coordinate)

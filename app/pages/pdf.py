@@ -29,7 +29,7 @@ class PdfPage(Page):
     uses = frozenset({"noise", "n_bin", "alpha", "exclude", "theme"})
 
     def view(self) -> Viewable:
-        self.data = shared_comparison(self.services, self.session)
+        self.data: Comparison = shared_comparison(self.services, self.session)
         chosen = configs(self.session)
         self.live = LiveFigure(pdf.draw(self.data, chosen, "bokeh", self.selected), ink=(pdf.SELECTED,))
         self.live_y = LiveFigure(pdf.draw_y(self.data, self.selected, chosen, "bokeh"))
@@ -121,7 +121,7 @@ class PdfPage(Page):
 
     def _recompute(self, keep_place: bool) -> None:
         place = self.data.centers[self.selected]
-        self.data: Comparison = shared_comparison(self.services, self.session)
+        self.data = shared_comparison(self.services, self.session)
         if keep_place and self.session.alpha:
             # The same Qρ has another number among other bins.
             self.session.alpha = self.data.bin_at(place) + 1

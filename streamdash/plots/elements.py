@@ -5,7 +5,7 @@ Options are set on each element as it is made: option strings cannot address ele
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import holoviews as hv
 import numpy as np
@@ -117,7 +117,9 @@ def frame_span(label: str, left: float, right: float) -> hv.VSpans:
     return spans.opts(fill_alpha=0, line_color=INK["light"], line_width=2, backend="bokeh")
 
 
-def hover_spans(label: str, columns: dict[str, np.ndarray], tooltips: Sequence[tuple[str, str]]) -> hv.VSpans:
+def hover_spans(
+    label: str, columns: Mapping[str, np.ndarray], tooltips: Sequence[tuple[str, str]]
+) -> hv.VSpans:
     """Invisible ranges ``x0`` to ``x1`` that show the other columns when pointed at (browser only)."""
     names = [name for name in columns if name not in ("x0", "x1")]
     values = (columns["x0"], columns["x1"], *(columns[name] for name in names))

@@ -7,6 +7,7 @@ Thousands of curves are drawn as an image of how many pass through each cell. No
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import holoviews as hv
 import numpy as np
@@ -101,7 +102,7 @@ def draw(panel: Panel, backend: Backend) -> hv.Overlay:
     return overlay.opts(backend=backend, **styles["frame"])
 
 
-def columns(panel: Panel) -> dict[str, dict[str, np.ndarray]]:
+def columns(panel: Panel) -> dict[str, dict[str, Any]]:
     """A panel's arrays by element label and column name, for `LiveFigure.patch`."""
     x_name, y_name = panel.coordinate, panel.quantity
     length = len(panel.x) + 1  # a NaN after each profile lifts the pen
@@ -131,7 +132,7 @@ def _styles(panel: Panel, backend: Backend) -> dict[str, dict]:
     colour, ink = class_colour(panel.index), INK["light"]
     shades = {"cmap": rising_alpha(), "clim": (0, 255)}
     left, low, right, high = panel.extent
-    frame = {
+    frame: dict[str, Any] = {
         "xlabel": COORDINATE_LABELS[panel.coordinate],
         "ylabel": QUANTITY_LABELS[panel.quantity],
         "xlim": (left, right),
