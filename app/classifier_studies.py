@@ -84,7 +84,7 @@ def studies_of(
         Study(
             "importance",
             "Importance along ℓ: which part of the stream tells the masses?",
-            "All bins of a 4° block are exchanged between test streams; what is lost shows what they tell.",
+            "The Qρ of a 4° block is exchanged between test streams; what is lost shows what it tells.",
             ask_importance,
             plots.draw_importance,
             plots.importance_table,

@@ -19,7 +19,7 @@ from streamdash.survey import longitude_bins
 logger = logging.getLogger(__name__)
 WORKERS = 1
 """Threads that grow trees: one core is left to the event loop and its sliders."""
-FEATURES = {"both": "Components and summaries", "pca": "Components only", "summaries": "Summaries only"}
+FEATURES = {"both": "Both", "pca": "Components", "summaries": "Summaries"}
 
 
 def settings_of(session: Session) -> ClassifierConfig:

@@ -28,9 +28,9 @@ class Boosting(Config):
     colsample_bytree: Finite = Field(0.4, gt=0, le=1)
     min_child_weight: Finite = Field(4.0, ge=0)
     reg_lambda: Finite = Field(2.0, ge=0)
-    max_bin: int = Field(64, ge=2, le=1024)
+    max_bin: int = Field(32, ge=2, le=1024)
     early_stopping_rounds: int | None = Field(
-        30, ge=1, description="stop when the validation log loss has not improved for so many trees"
+        20, ge=1, description="stop when the validation log loss has not improved for so many trees"
     )
 
 
@@ -39,7 +39,7 @@ class ClassifierConfig(Config):
 
     features: FeatureSet = FeatureSet()
     boosting: Boosting = Boosting()
-    copies: int = Field(1, ge=1, le=20, description="times each training stream is seen, with fresh noise")
+    copies: int = Field(2, ge=1, le=20, description="times each training stream is seen, with fresh noise")
     calibration: Literal["temperature", "none"] = "temperature"
     seed: int = Field(0, ge=0, le=2**31 - 1, description="decides the split, the trees and the fresh noise")
 
@@ -57,6 +57,7 @@ PAPER = ClassifierConfig(
         max_bin=256,
         early_stopping_rounds=None,
     ),
+    copies=1,
     calibration="none",
 )
 BEST = ClassifierConfig()

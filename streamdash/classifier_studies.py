@@ -215,32 +215,32 @@ def importance(
     streams: LabelledStreams,
     noise: float | np.ndarray,
     block: float = BLOCK_DEG,
-    n_repeats: int = 5,
+    n_repeats: int = 3,
     progress: Progress | None = None,
     should_stop: ShouldStop | None = None,
 ) -> Importance:
     """Which parts of the stream carry the information.
 
-    All bins of a block of longitude are exchanged between test streams at random, so that
-    the block keeps its looks but no longer belongs to its stream.
+    The Qρ of a block of longitude is exchanged between test streams at random, so that the block
+    keeps its looks but no longer belongs to its stream. The noise stays where it is, and the
+    exchange sets in over half a block: sharp seams would look like gaps.
 
     Parameters
     ----------
     block : float
         Width of the blocks in the unit of ``streams.ell``.
     """
-    ell = streams.ell
-    edges = _block_edges(ell, block)
-    owner = np.clip(np.digitize(ell, edges) - 1, 0, len(edges) - 2)
-    observed = streams.observed(noise)[judged.rows]
-    base = _loss_and_accuracy(judged.classifier, observed, judged.y)
+    edges = _block_edges(streams.ell, block)
+    clean = streams.clean[judged.rows]
+    errors = streams.observed(noise)[judged.rows] - clean
+    base = _loss_and_accuracy(judged.classifier, clean + errors, judged.y)
     rng = np.random.default_rng(judged.classifier.card.settings.seed)
     change = np.zeros((n_repeats, len(edges) - 1, 2))
     for b in range(len(edges) - 1):
+        share = _window(streams.ell, edges, b)
         for r in range(n_repeats):
             _stop_if_asked(should_stop)
-            mixed = observed.copy()
-            mixed[:, owner == b] = observed[rng.permutation(len(observed))][:, owner == b]
+            mixed = clean + share * (clean[rng.permutation(len(clean))] - clean) + errors
             change[r, b] = _loss_and_accuracy(judged.classifier, mixed, judged.y) - base
         if progress is not None:
             progress(b + 1, len(edges) - 1)
@@ -334,6 +334,15 @@ def _block_edges(ell: np.ndarray, block: float) -> np.ndarray:
     half = 0.5 * abs(ell[1] - ell[0])
     low, high = ell.min() - half, ell.max() + half
     return np.linspace(low, high, max(1, round((high - low) / block)) + 1)
+
+
+def _window(ell: np.ndarray, edges: np.ndarray, b: int) -> np.ndarray:
+    """How much of each bin is exchanged with block ``b``: 0 to 1, in ramps centred on its edges."""
+    ramp = 0.5 * (edges[1] - edges[0])
+    rise = np.ones_like(ell) if b == 0 else np.clip((ell - edges[b]) / ramp + 0.5, 0, 1)
+    last = b == len(edges) - 2
+    fall = np.ones_like(ell) if last else np.clip((edges[b + 1] - ell) / ramp + 0.5, 0, 1)
+    return (rise * fall).astype(np.float32)
 
 
 def _loss_and_accuracy(classifier: Classifier, q: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -201,10 +201,12 @@ class ClassifierPage(Page):
             table = classifier.streams_table(self.streams, self._ready(), rows[: len(figures)])
             captions = [classifier.stream_caption(record) for record in table.to_dict("records")]
             cells = [
-                pn.Column(ui.plain_text(words, margin=(6, 0, 0, 0)), _pane(figure), sizing_mode=ui.WIDE)
+                pn.Column(
+                    ui.plain_text(words, margin=(6, 0, 0, 0)), _pane(figure), sizing_mode=ui.WIDE, margin=0
+                )
                 for words, figure in zip(captions, figures, strict=True)
             ]
-            self.shown[:] = [ui.figure_grid(cells, narrowest=330)]
+            self.shown[:] = [ui.figure_grid(cells, narrowest=400)]
         self.streams_card.say(classifier.streams_sentence(self.streams, self._ready(), *self.selected))
 
     def _tapped(self, event: Tap) -> None:
