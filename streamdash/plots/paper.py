@@ -35,13 +35,13 @@ def save_figures(cache: Cache, sample: Sample, folder: Path) -> list[Path]:
     list of Path
         The files written.
     """
-    renderer = use("matplotlib").instance(dpi=DPI)
+    renderer = use("matplotlib")
     paths = []
     for number, make in FIGURES.items():
-        figure = make(cache, sample)
+        drawn = renderer.get_plot(make(cache, sample)).state  # drawn once for both kinds of file
         for kind in ("png", "svg"):
             paths.append(folder / f"figure{number}.{kind}")
-            renderer.save(figure, str(paths[-1].with_suffix("")), fmt=kind)
+            drawn.savefig(paths[-1], dpi=DPI, bbox_inches="tight")
     return paths
 
 
