@@ -47,7 +47,10 @@ def stream_command(
     config: ConfigOption = None,
     cache: CacheOption = None,
 ) -> None:
-    """Compute density and mean frequency of one stream hit by the given subhalos."""
+    """Compute density and mean frequency of one stream hit by the given subhalos.
+
+    Impacts at other times than the stream's 64 need its geometry then: seconds a time, once.
+    """
     wanted = read_config(
         config,
         {
@@ -65,19 +68,20 @@ def stream_command(
 
 
 def compute_profile(impacts: Path, config: EnsembleConfig, cache: Cache) -> pd.DataFrame:
-    """Profile table with the columns `COLUMNS` for a table of impacts."""
+    """Profile table with the columns `COLUMNS` for a table of impacts at any times."""
     from streamdash import survey
     from streamdash.density import perturbed_stream
     from streamdash.ensemble import theta_grid
     from streamdash.geometry import load_geometry
-    from streamdash.impacts import Impacts
+    from streamdash.impacts import Impacts, stream_with_times
 
     with wrong_input():
-        if cache.open_geometry(config.stream) is None:
-            Impacts.read_csv(impacts)  # wrong tables are refused before minutes are spent
+        # Wrong tables are refused before minutes are spent.
+        stream = stream_with_times(config.stream, Impacts.read_csv(impacts))
+        if cache.open_geometry(stream) is None:
             cache.check_writable()
         with progress_bar() as titled:
-            geometry = load_geometry(config.stream, cache, progress=titled("Geometry of the stream"))
+            geometry = load_geometry(stream, cache, progress=titled("Geometry of the stream"))
         table = Impacts.read_csv(impacts, geometry)
         theta = theta_grid(config)
         ell = survey.theta_to_ell(geometry, theta)

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from scipy import integrate
 
-from streamdash.config import Perturbers
+from streamdash.config import Perturbers, StreamModel
 from streamdash.geometry import R0_KPC, TABLE_STEP, V0_KMS, Geometry
 
 COLUMNS = ("time_gyr", "theta", "b_kpc", "vx_kms", "vy_kms", "vz_kms", "mass_msun", "r_s_kpc")
@@ -27,6 +27,8 @@ MAX_IMPACTS = 200_000
 """Most impacts accepted from a file, so that a mistake cannot exhaust the memory."""
 TIME_TOLERANCE_GYR = 1e-3
 """How far a given impact time may be from one of the stream's."""
+MAX_TIMES = 512
+"""Most impact times of a stream."""
 
 
 class ImpactsError(ValueError):
@@ -134,16 +136,13 @@ def check_impacts(impacts: Impacts, geometry: Geometry | None = None) -> None:
     _refuse(speed > 1e5, "vx_kms", impacts.vx_kms, "is part of a speed above 100000 km/s")
     if geometry is None or not len(impacts):
         return
-    age = geometry.stream.age_gyr
-    time = impacts.time_gyr
-    _refuse(
-        (time <= 0) | (time >= age), "time_gyr", time, f"must lie within the stream's life, 0 to {age:g} Gyr"
-    )
-    index, distance = _nearest_time(geometry, time)
+    _check_times(impacts, geometry.stream)
+    index, distance = _nearest_time(geometry.stream, impacts.time_gyr)
     bad = distance > TIME_TOLERANCE_GYR
     if bad.any():
-        nearest = np.asarray(geometry.stream.impact_times_gyr)[index[bad.argmax()]]
-        _refuse(bad, "time_gyr", time, f"is not an impact time of this stream (nearest {nearest:.6g} Gyr)")
+        nearest = geometry.stream.impact_times_gyr[index[bad.argmax()]]
+        fix = f"is not an impact time of this stream (nearest {nearest:.6g} Gyr)"
+        _refuse(bad, "time_gyr", impacts.time_gyr, fix)
     ends = geometry.table_ends[index]
     outside = (impacts.theta <= 0) | (impacts.theta > ends)
     if outside.any():
@@ -151,13 +150,39 @@ def check_impacts(impacts: Impacts, geometry: Geometry | None = None) -> None:
         _refuse(outside, "theta", impacts.theta, f"must lie on the stream as it was then, 0 to {end:.4g} rad")
 
 
+def stream_with_times(stream: StreamModel, impacts: Impacts) -> StreamModel:
+    """`stream`, or if some impacts are not at its impact times, `stream` with their own.
+
+    Raises
+    ------
+    ImpactsError
+        When a time lies outside the stream's life, or there are too many different ones.
+    """
+    _check_times(impacts, stream)
+    if not len(impacts) or (_nearest_time(stream, impacts.time_gyr)[1] <= TIME_TOLERANCE_GYR).all():
+        return stream
+    times = np.unique(impacts.time_gyr)
+    if len(times) > MAX_TIMES:
+        raise ImpactsError(
+            f"column time_gyr: {len(times)} different times, of which some are not the stream's own; "
+            f"at most {MAX_TIMES} can be computed anew."
+        )
+    return stream.model_copy(update={"times_gyr": tuple(times.tolist())})
+
+
 def time_index(geometry: Geometry, impacts: Impacts) -> np.ndarray:
     """Index of each impact's time among the stream's impact times."""
-    return _nearest_time(geometry, impacts.time_gyr)[0]
+    return _nearest_time(geometry.stream, impacts.time_gyr)[0]
 
 
-def _nearest_time(geometry: Geometry, time_gyr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    distance = np.abs(np.subtract.outer(time_gyr, geometry.stream.impact_times_gyr))
+def _check_times(impacts: Impacts, stream: StreamModel) -> None:
+    age, time = stream.age_gyr, impacts.time_gyr
+    off = (time <= 0) | (time >= age)
+    _refuse(off, "time_gyr", time, f"must lie within the stream's life, 0 to {age:g} Gyr")
+
+
+def _nearest_time(stream: StreamModel, time_gyr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    distance = np.abs(np.subtract.outer(time_gyr, stream.impact_times_gyr))
     index = distance.argmin(axis=1)
     return index, distance[np.arange(len(index)), index]
 
@@ -333,5 +358,6 @@ __all__ = [
     "expected_impacts",
     "sample_impacts",
     "scale_radius",
+    "stream_with_times",
     "time_index",
 ]

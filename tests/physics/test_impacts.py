@@ -17,6 +17,7 @@ from streamdash.impacts import (
     mass_decades,
     sample_impacts,
     scale_radius,
+    stream_with_times,
     subhalo_count,
     time_index,
 )
@@ -212,3 +213,17 @@ def test_samples_are_always_acceptable(geometry):
             geometry, Perturbers(mass_range="1e3-1e5", length_factor=1.4), np.random.default_rng(seed)
         )
         check_impacts(impacts, geometry)
+
+
+def test_impacts_at_other_times_bring_their_own(geometry):
+    stream = geometry.stream
+    own = Impacts(stream.impact_times_gyr[7], 0.3, 0.1, 0.0, 100.0, 0.0, 1e7, 0.3)
+    assert stream_with_times(stream, own) is stream
+    other = Impacts(
+        [1.0, 0.5, 1.0], [0.3] * 3, [0.1] * 3, [0.0] * 3, [99.0] * 3, [0.0] * 3, [1e7] * 3, [0.3] * 3
+    )
+    assert stream_with_times(stream, other).times_gyr == (0.5, 1.0)
+    with pytest.raises(ImpactsError, match="row 2, column time_gyr: must lie within the stream's life"):
+        stream_with_times(
+            stream, Impacts([1, 9.5], [0.3] * 2, [0] * 2, [0] * 2, [9] * 2, [0] * 2, [1] * 2, [1] * 2)
+        )
