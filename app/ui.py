@@ -11,13 +11,22 @@ import pandas as pd
 import panel as pn
 import panel_material_ui as pmui
 import param
-from bokeh.models import UIElement
 from panel.viewable import Viewable
 
 from app.browser import LiveText
-from app.catalog import CLASSES_MAX, CLASSES_MIN, Choice
+from app.catalog import CLASSES_MAX, CLASSES_MIN
+from app.layout import (  # pages find all of it in `ui`
+    CODE_STYLE,
+    WIDE,
+    class_heading,
+    controls,
+    figure_cell,
+    figure_grid,
+    legend,
+    page_layout,
+    plain_text,
+)
 from app.pages.base import Page
-from streamdash.plots.style import class_colour
 
 
 def _palette(primary: str, page: str, paper: str, bar: str) -> dict[str, Any]:
@@ -36,8 +45,36 @@ THEME = {
     "light": _palette("#17456b", "#ffffff", "#ffffff", "#17456b"),
     "dark": _palette("#8cc4f0", "#12181e", "#12181e", "#1b2a38"),
 }
+__all__ = [
+    "WIDE",
+    "FigureCard",
+    "button",
+    "caption",
+    "class_heading",
+    "controls",
+    "document",
+    "ensemble_picker",
+    "error_state",
+    "figure_cell",
+    "figure_grid",
+    "int_slider",
+    "legend",
+    "message",
+    "navigation",
+    "no_ensembles",
+    "noise_slider",
+    "number_slider",
+    "page_frame",
+    "page_layout",
+    "plain_text",
+    "select",
+    "slider",
+    "stream_picker",
+    "toggle",
+    "unwatch_busy",
+]
+
 STYLE = ":focus-visible { outline: 3px solid #e69f00 !important; outline-offset: 2px; }"
-WIDE = "stretch_width"
 SLIDER_DELAY = 10
 """Milliseconds in which moves of one slider are gathered; Panel's 50 are a third of our budget."""
 
@@ -95,11 +132,6 @@ def navigation(pages: Sequence[tuple[str, Viewable]], active: int) -> pmui.Tabs:
 # ---------------------------------------------------------------- states
 
 
-def plain_text(text: str, **params: Any) -> pn.pane.HTML:
-    """Text that is never read as HTML, whoever wrote it."""
-    return pn.pane.HTML(html.escape(text), **{"sizing_mode": WIDE, **params})
-
-
 def message(sentences: Sequence[str], kind: str = "info") -> pmui.Alert:
     """Sentences in a coloured bar that can be closed; ``kind`` is info, warning or error."""
     return _alert(sentences, kind, "sd-message", closeable=True)
@@ -143,15 +175,20 @@ def slider(page: Page, name: str, label: str, step: float = 0.01, **params: Any)
     widget = pmui.FloatSlider(
         label=label, start=low, end=high, step=step, format="0.00", **_sized(name, params)
     )
-    widget._debounce = SLIDER_DELAY
+    _answer_at_once(widget)
     return page.bind(name, widget, to_session=lambda value: round(value, 3))
 
 
 def int_slider(page: Page, name: str, label: str, start: int, end: int, **params: Any) -> pmui.IntSlider:
     """Slider of a session integer; ``start`` and ``end`` may be narrower than its bounds."""
     widget = pmui.IntSlider(label=label, start=start, end=end, **_sized(name, params))
-    widget._debounce = SLIDER_DELAY
+    _answer_at_once(widget)
     return page.bind(name, widget, to_widget=lambda value: min(max(value, start), end))
+
+
+def _answer_at_once(widget: Any) -> None:
+    """Shorten the time in which Panel gathers a widget's events, for this one widget."""
+    widget._debounce = SLIDER_DELAY
 
 
 def number_slider(label: str, start: int, end: int, value: int, name: str) -> pmui.IntSlider:
@@ -159,7 +196,7 @@ def number_slider(label: str, start: int, end: int, value: int, name: str) -> pm
     return pmui.IntSlider(label=label, start=start, end=end, value=value, **_sized(name, {}))
 
 
-def toggle(page: Page, name: str, label: str, options: dict[str, str], **params: Any) -> Viewable:
+def toggle(page: Page, name: str, label: str, options: dict[str, Any], **params: Any) -> Viewable:
     """One of a few values as buttons side by side; ``options`` maps what is read to the value."""
     widget = pmui.RadioButtonGroup(
         options=options,
@@ -194,7 +231,7 @@ def ensemble_picker(page: Page) -> pmui.MultiChoice:
     """Choice of the 2 to 4 mass ranges that are compared."""
     session = page.session
     stream = session.catalog.stream(session.stream)
-    options = {choice.label: choice.key for choice in stream.ensembles}
+    options = {choice.label: choice.key for choice in (stream.ensembles if stream else ())}
     fewest = min(CLASSES_MIN, len(options))
     widget = pmui.MultiChoice(
         label=f"Mass ranges of the perturbers ({CLASSES_MIN} to {CLASSES_MAX})",
@@ -239,46 +276,6 @@ def _sized(name: str, params: dict[str, Any]) -> dict[str, Any]:
 # ---------------------------------------------------------------- layout
 
 
-def controls(*widgets: Viewable) -> Viewable:
-    """A page's controls: side by side where there is room, below one another on a phone."""
-    return pn.FlexBox(
-        *widgets, align_items="center", gap="4px 12px", sizing_mode=WIDE, css_classes=["sd-controls"]
-    )
-
-
-def page_layout(*parts: Viewable) -> Viewable:
-    """Controls, then cards, from top to bottom."""
-    return pn.Column(*parts, sizing_mode=WIDE, margin=(8, 8), css_classes=["sd-body"])
-
-
-def class_heading(index: int, choice: Choice) -> pn.pane.HTML:
-    """Name of a class with its colour: ``■ M0 · 10³–10⁵ M☉ · 2000 streams``."""
-    words = f"M{index} · {choice.label} · {choice.config.n_streams} streams"
-    return pn.pane.HTML(
-        f"<div style='font: 500 15px/1.5 Roboto, sans-serif'>"
-        f"<span style='color:{class_colour(index)}' aria-hidden='true'>■</span> {html.escape(words)}</div>",
-        margin=(6, 0, 0, 0),
-        css_classes=["sd-class"],
-    )
-
-
-def figure_cell(heading: Viewable, figure: UIElement) -> Viewable:
-    """A figure under its heading, for `figure_grid`."""
-    return pn.Column(heading, pn.pane.Bokeh(figure, sizing_mode=WIDE, margin=0), sizing_mode=WIDE, margin=0)
-
-
-def figure_grid(figures: Sequence[UIElement | Viewable], narrowest: int = 330) -> Viewable:
-    """Figures side by side, as many as fit at ``narrowest`` pixels each."""
-    panes = [
-        figure if isinstance(figure, Viewable) else pn.pane.Bokeh(figure, sizing_mode=WIDE, margin=0)
-        for figure in figures
-    ]
-    cells = [
-        pn.Column(pane, margin=0, styles={"flex": f"1 1 {narrowest}px", "min-width": "0"}) for pane in panes
-    ]
-    return pn.FlexBox(*cells, gap="12px", sizing_mode=WIDE, margin=0)
-
-
 class FigureCard:
     """A figure with heading, sentence, downloads and the code that makes it.
 
@@ -318,7 +315,9 @@ class FigureCard:
     ) -> None:
         self._code = code
         self._sentence = LiveText(sizing_mode=WIDE, margin=(6, 0), css_classes=["sd-sentence"])
-        self._listing = pn.pane.HTML("", sizing_mode=WIDE, margin=0, css_classes=["sd-code"])
+        self._listing = pn.pane.HTML(
+            "", stylesheets=[CODE_STYLE], sizing_mode=WIDE, margin=0, css_classes=["sd-code"]
+        )
         figures = figures if isinstance(figures, list | tuple) else [figures]
         heading = pmui.Typography(html.escape(title), variant="h6", margin=0, sx={"flex": "1 1 auto"})
         self.files = {
@@ -337,7 +336,8 @@ class FigureCard:
             css_classes=["sd-show-code"],
         )
         self._accordion.param.watch(lambda _: self._list(), "active")
-        head = pn.FlexBox(heading, *files, align_items="center", gap="4px", sizing_mode=WIDE, margin=0)
+        kinds = pn.Row(*files, margin=0)
+        head = pn.FlexBox(heading, kinds, align_items="center", gap="4px 12px", sizing_mode=WIDE, margin=0)
         self.view = pmui.Paper(
             head,
             *([legend] if legend else []),
@@ -385,47 +385,3 @@ def _download(filename: str, kind: str, make: Callable[[], bytes]) -> pmui.FileD
         margin=0,
         css_classes=[f"sd-download-{kind}"],
     )
-
-
-def legend(entries: Sequence[tuple[str, str]], classes: int) -> pn.pane.HTML:
-    """A line of swatches and words above a figure.
-
-    Parameters
-    ----------
-    entries
-        Kind of swatch and words; kinds are ``image``, ``band``, ``line``, ``ink``, ``dashes``,
-        ``grey``, ``frame``, ``dots`` and ``none``.
-        Bands, lines and dots show the colours of all classes.
-    classes
-        Number of classes shown.
-    """
-    items = "".join(
-        f"<span class='item'><span class='swatch {html.escape(kind)}'></span>{html.escape(words)}</span>"
-        for kind, words in entries
-    )
-    share = 100 / max(classes, 1)
-    stripes = ", ".join(
-        f"{class_colour(i)} {i * share:.0f}% {(i + 1) * share:.0f}%" for i in range(max(classes, 1))
-    )
-    return pn.pane.HTML(
-        f"<div class='legend' style='--classes: linear-gradient(90deg, {stripes})'>{items}</div>",
-        stylesheets=[LEGEND_STYLE],
-        sizing_mode=WIDE,
-        margin=(4, 0),
-    )
-
-
-LEGEND_STYLE = """
-.legend { display: flex; flex-wrap: wrap; gap: 4px 18px; font: 13px/1.5 Roboto, sans-serif; }
-.item { display: inline-flex; align-items: center; gap: 6px; }
-.swatch { display: inline-block; width: 24px; height: 2px; }
-.image { height: 10px; background: linear-gradient(#8080801a, #808080e0, #8080801a); }
-.band { height: 10px; background: var(--classes); opacity: 0.4; }
-.line { background: var(--classes); }
-.ink { height: 3px; background: currentColor; }
-.dashes { height: 0; border-top: 2px dashed currentColor; }
-.grey { height: 10px; background: #80808040; }
-.frame { height: 8px; border: 2px solid currentColor; border-width: 0 2px; width: 12px; }
-.none { display: none; }
-.dots { height: 8px; border-radius: 4px; background: var(--classes); }
-"""

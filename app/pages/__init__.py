@@ -50,7 +50,7 @@ Rules
   Ink that must contrast with the page (medians, reference lines): put the label in
   ``LiveFigure(..., ink=("median", ...))`` and call ``live.ink(session.theme)`` when "theme" changes.
 - **Errors**: raise `app.services.Unavailable` with one sentence for what cannot be shown;
-  ``ui.empty_state`` and ``ui.error_state`` draw the rest. Text from users or files goes through
+  ``ui.error_state`` and ``ui.message`` draw the rest. Text from users or files goes through
   ``ui.plain_text`` only.
 - **Downloads and code**: `FigureCard` makes PNG, SVG, CSV and "Show the code" of what is shown *now*:
   pass functions, not values. `say` sets the sentence under the figure (screen readers hear it).

@@ -148,7 +148,7 @@ class ProfilesPage(Page):
         self.live = {
             panel.index: LiveFigure(profiles.draw(panel, "bokeh"), ink=INKED) for panel in self.panels
         }
-        cells = []
+        cells: list[Viewable] = []
         for index, choice in enumerate(self.session.ensembles):
             heading = ui.class_heading(index, choice)
             if index in self.failures:
@@ -157,6 +157,7 @@ class ProfilesPage(Page):
             live = self.live[index]
             live.set_ink(self.session.theme == "dark")
             cells.append(ui.figure_cell(heading, live.figure))
-        self.grid[:] = [ui.figure_grid(cells, narrowest=420)]
+        # Four stand two by two, up to three side by side.
+        self.grid[:] = [ui.figure_grid(cells, narrowest=560 if len(cells) == 4 else 420)]
         if self.panels:
             self.card.say(profiles.sentence(self.panels))

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import holoviews as hv
 import numpy as np
 from bokeh.models import ColumnDataSource
+from numpy.typing import ArrayLike
 
 from streamdash.plots.style import INK
 
@@ -76,12 +77,21 @@ class LiveFigure:
             unknown = new.keys() - source.data.keys()
             if unknown:
                 raise KeyError(f"{label!r} has no column {sorted(unknown)}, only {sorted(source.data)}")
-            source.data = {**source.data, **new}
+            # Every array is two WebSocket frames: send those that differ.
+            changed = {name: array for name, array in new.items() if not _same(array, source.data[name])}
+            if changed:
+                source.data.update(changed)
 
     def set_ink(self, dark: bool) -> None:
         """Recolour the inked elements for a dark or a light page."""
         for glyph in self._inked:
             glyph.line_color = INK["dark" if dark else "light"]
+
+
+def _same(one: ArrayLike, other: ArrayLike) -> bool:
+    one, other = np.asarray(one), np.asarray(other)
+    floats = one.dtype.kind == other.dtype.kind == "f"
+    return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=floats)
 
 
 def area_columns(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> dict[str, np.ndarray]:

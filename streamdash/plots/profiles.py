@@ -143,7 +143,7 @@ def _styles(panel: Panel, backend: Backend) -> dict[str, dict]:
         title = model_text(panel.index, panel.config.perturbers.mass_range)
         return {
             STREAMS: shades,
-            BAND_LABEL: {"color": colour, "alpha": 0.25, "linewidth": 0},
+            BAND_LABEL: {"facecolor": colour, "alpha": 0.25, "linewidth": 0},
             HIGHLIGHTS: {"color": colour, "linewidth": 0.8},
             SMOOTH: {"color": ink, "linestyle": "--", "linewidth": 1},
             MEDIAN: {"color": ink, "linewidth": 1.6},
@@ -168,7 +168,7 @@ def _styles(panel: Panel, backend: Backend) -> dict[str, dict]:
             "hover_mode": "vline",
             "hover_tooltips": [
                 where,
-                ("median of " + frame["ylabel"], value),
+                (f"median {frame['ylabel']}", value),
                 ("68 % of streams", "@low{0.000} to @high{0.000}"),
                 ("smooth stream", "@smooth{0.000}"),
             ],

@@ -193,7 +193,9 @@ def test_ensembles_with_other_knobs_get_tokens_and_labels_of_their_own():
 def test_damaged_entries_are_named_and_left_out():
     good, bad = ensemble("1e3-1e5"), ensemble("1e5-1e9")
     partial = ensemble("1e7-1e9")
-    catalog = read_catalog([entry(good), entry(bad, "damaged", "a checksum differs"), entry(partial, "partial")])
+    catalog = read_catalog(
+        [entry(good), entry(bad, "damaged", "a checksum differs"), entry(partial, "partial")]
+    )
     assert [choice.key for choice in catalog.streams[0].ensembles] == [good.key]
     assert len(catalog.problems) == 1
     assert "1e5-1e9" in catalog.problems[0]

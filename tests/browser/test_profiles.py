@@ -161,7 +161,9 @@ def test_everything_comes_from_the_server_and_nothing_complains(tab, address):
     watched.page.get_by_text("Show the code").click()
     watched.page.wait_for_timeout(500)
     outside = [
-        url for url in watched.requests if not url.startswith((address, address.replace("http", "ws"), "data:", "blob:"))
+        url
+        for url in watched.requests
+        if not url.startswith((address, address.replace("http", "ws"), "data:", "blob:"))
     ]
     assert outside == []
     assert watched.complaints == []
