@@ -191,7 +191,7 @@ class EnsembleConfig(Config):
     perturbers: Perturbers = Perturbers()
     n_streams: int = Field(1000, ge=1, le=1_000_000)
     seed: int = Field(0, ge=0, le=2**63 - 1)
-    theta_min: Finite = Field(0.03, ge=0.0, le=3, description="first parallel angle, rad")
+    theta_min: Finite = Field(0.03, gt=0, le=3, description="first parallel angle, rad")
     theta_max: Finite = Field(0.987, gt=0, le=3, description="last parallel angle, rad")
     n_theta: int = Field(400, ge=2, le=10_000, description="number of evenly spaced angles")
     accuracy: Accuracy = Accuracy()

@@ -45,7 +45,7 @@ def perturbed_stream(
     xarray.Dataset
         Over ``theta``: ``density`` and ``smooth`` (1 near the progenitor), ``q_rho`` their
         ratio, ``omega`` and ``omega_smooth`` (mean parallel frequency offset, natural
-        units of 1/0.035556 Gyr).
+        units of 1/0.035556 Gyr; ``omega`` is NaN where no star is left).
 
     Raises
     ------

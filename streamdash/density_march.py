@@ -20,6 +20,8 @@ REACH = 4.7
 """The Gaussian is followed out to this many dispersions (beyond: 3·10⁻⁶ of the stars)."""
 LEVELS = 7
 """A cell of frequencies is halved at most this often."""
+EMPTY = 1e-12
+"""Density below which no star is left, and so no mean frequency."""
 ROOM = 4096
 """Samples beyond the coarse ones that one angle may take, at least."""
 STRETCH = 0.5
@@ -343,4 +345,7 @@ def integrate_lines(theta, mean, sigma, step, tolerance, largest, dt, tables, be
                 total += fine * cells[i, 0]
                 weighted += fine * cells[i, 1]
         density[line] = total / (sigma * math.sqrt(2 * math.pi))
-        omega[line] = weighted / total if total > 0.0 else np.nan
+        if total <= EMPTY * sigma:  # rounding of the cubic may leave it a hair below zero
+            density[line], omega[line] = 0.0, np.nan
+        else:
+            omega[line] = weighted / total

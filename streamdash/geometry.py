@@ -11,6 +11,7 @@ nodes along the stream between which galpy interpolates.
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -230,8 +231,9 @@ def load_geometry(
     dataset = cache.open_geometry(stream)
     if dataset is not None:
         return Geometry.from_dataset(dataset, stream)
+    start = time.perf_counter()
     geometry = compute_geometry(stream, workers=workers, progress=progress)
-    cache.save_geometry(stream, geometry.to_dataset())
+    cache.save_geometry(stream, geometry.to_dataset(), cost_s=time.perf_counter() - start)
     return geometry
 
 
