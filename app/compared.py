@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from bokeh.models import Range1d
 
 from app.catalog import Choice
 from app.services import Services, Unavailable
@@ -50,6 +51,12 @@ def shared_comparison(services: Services, session: Session) -> Comparison:
         return services.shared(("comparison", n_bin, *choice_key(session)), compute)
     except ValueError as error:
         raise Unavailable(str(error)) from None
+
+
+def set_range(axis: Range1d, ends: tuple[float, float]) -> None:
+    """Move an axis, only if it must move."""
+    if (axis.start, axis.end) != ends:
+        axis.update(start=ends[0], end=ends[1])
 
 
 def code_head(session: Session, module: str, function: str) -> str:

@@ -15,6 +15,7 @@ from app.compared import (
     code_head,
     configs,
     noisy_profiles,
+    set_range,
     shared_comparison,
 )
 from app.evidence_html import STYLE, evidence_table
@@ -50,6 +51,7 @@ class EvidencePage(Page):
         self.tables: list[dict[str, Any]] = []
         self.curves: dict[int, Growth] = {}
         self.live_chart: LiveFigure | None = None
+        self.live_growth: LiveFigure | None = None
         self.later_table = Later(self.services, self._show_table, self._fail_table)
         self.later_growth = Later(self.services, self._show_growth, self._fail_growth)
         self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
@@ -90,12 +92,14 @@ class EvidencePage(Page):
             self.data = shared_comparison(self.services, self.session)
         if "fiducial" in changed:
             self._draw()
+            self.live_chart = self.live_growth = None  # other models, other lines
+            self.growth_slot[:] = [ui.plain_text(WAITING)]
             if self.tables:
                 self._show_table(self.tables)
         else:
             self.live.patch(evidence.columns(self.data, self.fiducial))
-            _set_range(self.live.figure.x_range, frame(self.data)["x"])
-            _set_range(self.live.figure.y_range, evidence.y_frame(self.data, self.fiducial))
+            set_range(self.live.figure.x_range, frame(self.data)["x"])
+            set_range(self.live.figure.y_range, evidence.y_frame(self.data, self.fiducial))
         self.card.say(evidence.sentence(self.data, self.fiducial, configs(self.session)))
         self._ask(table=bool(changed & {"noise", "exclude"}))
 
@@ -233,10 +237,16 @@ class EvidencePage(Page):
     def _show_table(self, tables: list[dict[str, Any]]) -> None:
         self.tables = tables
         self._write_table(waiting=False)
-        crosses = tuple(f"paper {j}" for j in cumulative.rivals(tables, self.fiducial))
-        self.live_chart = LiveFigure(self._cumulative("bokeh"), ink=crosses)
-        self.live_chart.set_ink(self.session.theme == "dark")
-        self.chart[:] = [pn.pane.Bokeh(self.live_chart.figure, sizing_mode=ui.WIDE, margin=0)]
+        if self.live_chart is None:
+            crosses = tuple(f"paper {j}" for j in cumulative.rivals(tables, self.fiducial))
+            self.live_chart = LiveFigure(self._cumulative("bokeh"), ink=crosses)
+            self.live_chart.set_ink(self.session.theme == "dark")
+            self.chart[:] = [pn.pane.Bokeh(self.live_chart.figure, sizing_mode=ui.WIDE, margin=0)]
+        else:
+            self.live_chart.patch(cumulative.columns(tables, self.fiducial, self.is_paper))
+            set_range(
+                self.live_chart.figure.y_range, cumulative.y_frame(tables, self.fiducial, self.is_paper)
+            )
         self.table_card.say(cumulative.sentence(tables, self.fiducial, configs(self.session)))
 
     def _write_table(self, waiting: bool) -> None:
@@ -246,15 +256,22 @@ class EvidencePage(Page):
         )
 
     def _fail_table(self, sentence: str) -> None:
+        self.live_chart = None
         self.chart[:] = [ui.error_state(sentence)]
 
     def _show_growth(self, curves: dict[int, Growth]) -> None:
         self.curves = curves
-        figure = LiveFigure(evidence.draw_growth(curves, "bokeh")).figure
-        self.growth_slot[:] = [pn.pane.Bokeh(figure, sizing_mode=ui.WIDE, margin=0)]
+        if self.live_growth is None:
+            self.live_growth = LiveFigure(evidence.draw_growth(curves, "bokeh"))
+            figure = self.live_growth.figure
+            self.growth_slot[:] = [pn.pane.Bokeh(figure, sizing_mode=ui.WIDE, margin=0)]
+        else:
+            self.live_growth.patch(evidence.growth_columns(curves))
+            set_range(self.live_growth.figure.y_range, evidence.growth_frame(curves)[1])
         self.growth_card.say(evidence.growth_sentence(curves, self.fiducial, self.session.n_bin))
 
     def _fail_growth(self, sentence: str) -> None:
+        self.live_growth = None
         self.growth_slot[:] = [ui.error_state(sentence)]
 
     def _figure(self) -> Any:
@@ -285,9 +302,3 @@ def _code_profiles(session: Any) -> str:
         f"ensembles = [\n{ensembles}\n]\n"
         f"profiles = [collect(Cache.default(), key).noisy({session.noise:g}) for key in ensembles]\n\n"
     )
-
-
-def _set_range(axis: Any, ends: tuple[float, float]) -> None:
-    """Move an axis, only if it must move."""
-    if (axis.start, axis.end) != ends:
-        axis.update(start=ends[0], end=ends[1])

@@ -8,7 +8,7 @@ from bokeh.events import Tap
 from panel.viewable import Viewable
 
 from app import ui
-from app.compared import N_BIN_SHOWN, code_head, configs, shared_comparison
+from app.compared import N_BIN_SHOWN, code_head, configs, set_range, shared_comparison
 from app.pages.base import Page
 from streamdash.evidence import Comparison
 from streamdash.plots import pdf
@@ -127,15 +127,15 @@ class PdfPage(Page):
             self.session.alpha = self.data.bin_at(place) + 1
         self.live.patch(pdf.columns(self.data, self.selected))
         ranges = pdf.frame(self.data)
-        _set_range(self.live.figure.x_range, ranges["x"])
-        _set_range(self.live.figure.y_range, ranges["y"])
+        set_range(self.live.figure.x_range, ranges["x"])
+        set_range(self.live.figure.y_range, ranges["y"])
         self._patch_y()
 
     def _patch_y(self) -> None:
         self.live_y.patch(pdf.y_columns(self.data, self.selected))
         ranges = pdf.y_frame(self.data, self.selected)
-        _set_range(self.live_y.figure.x_range, ranges["x"])
-        _set_range(self.live_y.figure.y_range, ranges["y"])
+        set_range(self.live_y.figure.x_range, ranges["x"])
+        set_range(self.live_y.figure.y_range, ranges["y"])
         self._say()
 
     def _say(self) -> None:
@@ -155,9 +155,3 @@ class PdfPage(Page):
     def _slid(self, event: Any) -> None:
         if event.new != self.selected + 1:
             self.session.alpha = event.new
-
-
-def _set_range(axis: Any, ends: tuple[float, float]) -> None:
-    """Move an axis, only if it must move."""
-    if (axis.start, axis.end) != ends:
-        axis.update(start=ends[0], end=ends[1])

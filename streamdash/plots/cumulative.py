@@ -46,9 +46,8 @@ def draw(tables: Tables, fiducial: int, backend: Backend, title: str = "", paper
         if paper:
             cross = data[f"paper {j}"]
             parts.append(_crosses(f"paper {j}", cross["x"], cross["y"], backend))
-    top, bottom = _ends(data)
     ticks = [(place, str(table["n_bin"])) for place, table in enumerate(tables)]
-    frame = ((-0.3, len(tables) - 0.7), (bottom, top))
+    frame = ((-0.3, len(tables) - 0.7), y_frame(tables, fiducial, paper))
     overlay = framed(parts, "N_bin: bins of Qρ", f"Σ ln B for M{fiducial}", *frame, backend, title)
     return overlay.opts(xticks=ticks, backend=backend)
 
@@ -78,6 +77,15 @@ def rivals(tables: Tables, fiducial: int) -> list[int]:
 def row(table: dict[str, Any], i: int, j: int) -> dict[str, Any]:
     """The row of a pair."""
     return next(pair for pair in table["pairs"] if (pair["i"], pair["j"]) == (i, j))
+
+
+def y_frame(tables: Tables, fiducial: int, paper: bool) -> tuple[float, float]:
+    """Range of Σ ln B shown; it moves in steps."""
+    parts = columns(tables, fiducial, paper).values()
+    values = np.concatenate([v for part in parts for name, v in part.items() if name not in ("x", "base")])
+    values = values[np.isfinite(values)]
+    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+    return (-nice_top(-low) if low < 0 else 0.0), nice_top(max(high, 1.0))
 
 
 def table(tables: Tables, configs: Sequence[EnsembleConfig], paper: bool) -> pd.DataFrame:
@@ -129,12 +137,3 @@ def _crosses(label: str, x: np.ndarray, y: np.ndarray, backend: Backend) -> hv.S
     if backend == "matplotlib":
         return crosses.opts(color=INK["light"], marker="x", s=40, backend=backend)
     return crosses.opts(line_color=INK["light"], marker="x", size=11, line_width=2, backend=backend)
-
-
-def _ends(data: dict[str, dict[str, np.ndarray]]) -> tuple[float, float]:
-    values = np.concatenate(
-        [v for part in data.values() for name, v in part.items() if name not in ("x", "base")]
-    )
-    values = values[np.isfinite(values)]
-    low, high = (values.min(), values.max()) if len(values) else (0.0, 1.0)
-    return nice_top(max(float(high), 1.0)), (-nice_top(-float(low)) if low < 0 else 0.0)
