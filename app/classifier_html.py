@@ -6,8 +6,9 @@ import html
 from collections.abc import Sequence
 
 from streamdash.classifier import Judged
+from streamdash.classifier_model import paper_scores
 from streamdash.classifier_studies import Contender
-from streamdash.plots.classifier import METRICS, class_names, paper_scores
+from streamdash.plots.classifier import METRICS, class_names
 from streamdash.plots.classifier_studies import comparison_table
 from streamdash.plots.style import class_colour
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -80,6 +81,14 @@ PAPER_SCORES: dict[int, dict[str, Any]] = {
     3: {"precision": (0.98, 0.90, 0.90), "recall": (0.98, 0.90, 0.90), "f1": (0.98, 0.90, 0.90)},
 }
 """Paper's table 2 (two classes), and its text for three: ≳ 0.90, 0.98 for the smallest masses."""
+PAPER_CLASSES = {2: ("1e3-1e5", "1e5-1e9"), 3: ("1e3-1e5", "1e5-1e7", "1e7-1e9")}
+"""Mass ranges for which the paper states scores."""
+
+
+def paper_scores(labels: Sequence[str]) -> dict[str, Any] | None:
+    """What the paper states for these classes, or None when it did not look at them."""
+    n_classes = len(labels)
+    return PAPER_SCORES[n_classes] if PAPER_CLASSES.get(n_classes) == tuple(labels) else None
 
 
 class ModelCard(Config):

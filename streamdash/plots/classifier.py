@@ -11,7 +11,7 @@ import pandas as pd
 
 from streamdash.classifier import Judged, train
 from streamdash.classifier_data import LabelledStreams, read_streams
-from streamdash.classifier_model import BEST, PAPER_SCORES, ClassifierConfig
+from streamdash.classifier_model import BEST, ClassifierConfig, paper_scores
 from streamdash.config import EnsembleConfig, parse_mass_range
 from streamdash.plots.elements import GREY, error_bars, framed, line, points
 from streamdash.plots.live import TOOLS, Backend, use
@@ -19,8 +19,6 @@ from streamdash.plots.style import COORDINATE_LABELS, INK, class_colour, mass_te
 from streamdash.scores import calibration, roc
 from streamdash.store import Cache
 
-PAPER_CLASSES = {2: ("1e3-1e5", "1e5-1e9"), 3: ("1e3-1e5", "1e5-1e7", "1e7-1e9")}
-"""Mass ranges for which the paper states scores."""
 METRICS = {"precision": "Precision", "recall": "Recall", "f1": "F₁", "accuracy": "Accuracy", "auc": "AUC"}
 SHOWN_STREAMS = 6
 """Streams of a cell that are drawn, the least certain first."""
@@ -59,12 +57,6 @@ def confusion_figure(
 def class_names(labels: Sequence[str]) -> list[str]:
     """Classes as people read them: ``10³–10⁵ M☉``."""
     return [mass_text(parse_mass_range(label)) for label in labels]
-
-
-def paper_scores(labels: Sequence[str]) -> dict | None:
-    """What the paper states for these classes, or None when it did not look at them."""
-    n_classes = len(labels)
-    return PAPER_SCORES[n_classes] if PAPER_CLASSES.get(n_classes) == tuple(labels) else None
 
 
 # ---------------------------------------------------------------- confusion matrix
