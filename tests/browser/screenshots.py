@@ -2,7 +2,7 @@
 
     python tests/browser/screenshots.py
 
-Writes docs/profiles.png: the Profiles page with three classes, light, 1280 × 800.
+Writes docs/profiles.png: the Profiles page with three classes, light, 1440 × 860.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from playwright.sync_api import sync_playwright
 from tests.browser.driving import ROOT, launch, open_app, served
 
 VIEWS = {"profiles.png": "?page=profiles&mass=1e3-1e5,1e5-1e7,1e7-1e9&highlight=2"}
-SIZE = {"width": 1280, "height": 800}
-COLOURS = 128
+SIZE = {"width": 1440, "height": 860}
+COLOURS = 256
 
 
 def main() -> None:
