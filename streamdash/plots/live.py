@@ -19,6 +19,10 @@ Columns = Mapping[str, Mapping[str, np.ndarray]]
 """New data of a figure: element label → column name → array."""
 
 
+DOTS_PER_INCH = 180
+"""Resolution of PNG files."""
+
+
 @functools.cache
 def use(backend: Backend) -> Any:
     """Load a HoloViews backend once and return its renderer (Matplotlib takes a second)."""
@@ -26,6 +30,8 @@ def use(backend: Backend) -> Any:
     renderer = hv.renderer(backend)
     if backend == "bokeh":
         renderer.webgl = False  # without a GPU one paint takes 15 s
+    else:
+        renderer.dpi = DOTS_PER_INCH
     return renderer
 
 

@@ -80,7 +80,10 @@ def profiles_figure(
 
 def layout(panels: Sequence[Panel], backend: Backend) -> hv.Layout:
     """All panels, two in a row."""
-    return hv.Layout([draw(panel, backend) for panel in panels]).cols(2)
+    figure = hv.Layout([draw(panel, backend) for panel in panels]).cols(2)
+    if backend == "matplotlib":
+        return figure.opts(sublabel_format="", hspace=0.3, vspace=0.2, backend=backend)
+    return figure
 
 
 def draw(panel: Panel, backend: Backend) -> hv.Overlay:
