@@ -18,11 +18,13 @@ from streamdash.kicks import PAD
 
 REACH = 4.7
 """The Gaussian is followed out to this many dispersions (beyond: 3·10⁻⁶ of the stars)."""
-CHORD = 11.0
-"""A chord lies width²/11 of the second derivative beside its curve, root mean square."""
-HALVING = 1 / 6
+CHORD = 7.0
+"""A chord lies at most width²/8 of the second derivative beside its curve; some more is
+assumed, as the curvature is that of a stretch and not of the point."""
+HALVING = 1 / 5
 """Halving a cell gains a factor 4 where kicks are not resolved yet, then ever more, up to
-16: this is where half the samples of 1/4 give the same worst error (within 2·10⁻³)."""
+16. With 1/4 the worst point of many streams is the same for a fifth more time; with 1/6
+it exceeds 2·10⁻³ (tests/benchmarks/test_engine_speed.py shows both)."""
 LEVELS = 7
 """A cell of frequencies is halved at most this often."""
 EMPTY = 1e-12
