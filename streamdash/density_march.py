@@ -24,7 +24,7 @@ assumed, as the curvature is that of a stretch and not of the point."""
 HALVING = 1 / 5
 """Halving a cell gains a factor 4 where kicks are not resolved yet, then ever more, up to
 16. With 1/4 the worst point of many streams is the same for a fifth more time; with 1/6
-it exceeds 2·10⁻³ (tests/benchmarks/test_engine_speed.py shows both)."""
+it exceeds 2·10⁻³."""
 LEVELS = 7
 """A cell of frequencies is halved at most this often."""
 EMPTY = 1e-12
