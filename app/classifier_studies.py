@@ -12,7 +12,7 @@ from app.classifier_html import STYLE, comparison_html
 from app.services import Services
 from app.state import Session
 from app.study import Study
-from app.training import WORKERS, code_head, data_key, settings_of, streams_of
+from app.training import code_head, data_key, settings_of, streams_of
 from app.work import Compute
 from streamdash.classifier_model import PRESETS
 from streamdash.classifier_studies import compare, grid_search, importance, learning_curve, noise_curve
@@ -42,7 +42,7 @@ def studies_of(
             arguments = (streams, noise, settings) if at_noise else (streams, settings)
             key = data_key(session) if at_noise else (data_key(session)[:-2], settings.key)
             return (name, *key), lambda progress, should_stop: study(
-                *arguments, progress=progress, should_stop=should_stop, workers=WORKERS
+                *arguments, progress=progress, should_stop=should_stop
             )
 
         return ask

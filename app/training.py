@@ -17,8 +17,6 @@ from streamdash.features import ALL_SUMMARIES
 from streamdash.survey import longitude_bins
 
 logger = logging.getLogger(__name__)
-WORKERS = 1
-"""Threads that grow trees: one core is left to the event loop and its sliders."""
 FEATURES = {"both": "Both", "pca": "Components", "summaries": "Summaries"}
 
 
@@ -93,7 +91,7 @@ def training(services: Services, session: Session) -> tuple[Hashable, Compute]:
             kept = None
         if kept is not None:
             return judge(kept, streams)
-        judged = train(streams, noise, settings, progress, should_stop, WORKERS)
+        judged = train(streams, noise, settings, progress, should_stop)
         try:
             store.save(key, judged.classifier)
         except OSError as error:  # a full disk or a read-only folder takes nothing from who waits

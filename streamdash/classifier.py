@@ -80,7 +80,7 @@ def train(
     settings: ClassifierConfig = BEST,
     progress: Progress | None = None,
     should_stop: ShouldStop | None = None,
-    workers: int | None = None,
+    workers: int = 1,
     sets: Split | None = None,
 ) -> Judged:
     """Train a classifier and judge it on the test streams.
@@ -101,7 +101,8 @@ def train(
     should_stop : callable, optional
         Asked at the same moments.
     workers : int, optional
-        Threads; all cores when not given.
+        Threads that grow trees. With one, the same seed gives the same bytes on any machine; more
+        help on idle cores only, on busy ones they wait for each other.
     sets : Split, optional
         Who is trained on; by default the `split` of ``settings.seed``.
 
@@ -182,7 +183,7 @@ def boost(
     n_trees: int,
     validation: tuple[np.ndarray, np.ndarray] | None = None,
     watch: _Watch | None = None,
-    workers: int | None = None,
+    workers: int = 1,
 ) -> xgboost.Booster:
     """Grow trees on features.
 
@@ -201,7 +202,7 @@ def boost(
     parameters = boosting.model_dump(exclude={"n_estimators", "early_stopping_rounds"}) | {
         "tree_method": "hist",
         "seed": settings.seed,
-        "nthread": workers or 0,
+        "nthread": workers,
         # as in the paper, two classes are one logistic function
         **({"objective": "binary:logistic"} if n_classes == 2 else {}),
         **({"objective": "multi:softprob", "num_class": n_classes} if n_classes > 2 else {}),
@@ -253,7 +254,7 @@ def _tune_on_validation(
     settings: ClassifierConfig,
     sets: Split,
     watch: _Watch,
-    workers: int | None,
+    workers: int,
 ) -> tuple[int, float]:
     """Number of trees and temperature, from the validation streams."""
     stopping = settings.boosting.early_stopping_rounds is not None

@@ -27,7 +27,7 @@ def classifier_results(
     ensembles: Mapping[str, str | EnsembleConfig],
     noise: float = 0.1,
     seeds: Sequence[int] = SEEDS,
-    workers: int | None = None,
+    workers: int = 1,
 ) -> dict[str, Any]:
     """Train and judge the paper's classifier and the best one, for its two and its three classes.
 
@@ -55,9 +55,7 @@ def classifier_results(
     return results
 
 
-def results_of(
-    streams: LabelledStreams, noise: float, seeds: Sequence[int], workers: int | None
-) -> dict[str, Any]:
+def results_of(streams: LabelledStreams, noise: float, seeds: Sequence[int], workers: int) -> dict[str, Any]:
     """Results for one set of classes, as one entry of `classifier_results`."""
     grid = grid_search(streams, noise, PAPER, workers=workers)
     chosen = grid.settings.boosting
@@ -82,7 +80,7 @@ def _repeated(
     noise: float,
     settings: ClassifierConfig,
     seeds: Sequence[int],
-    workers: int | None,
+    workers: int,
 ) -> dict[str, Any]:
     """Scores of the first seed in full, and the accuracy and lowest recall of all."""
     runs = [

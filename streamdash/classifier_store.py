@@ -150,7 +150,7 @@ def read_model(folder: Path, key: str | None = None) -> Classifier:
         raise ModelFileError(f"{folder / CARD} is the card of model {envelope.model}, not of {key}.")
     booster_data = _checked(folder / BOOSTER, envelope.booster_sha256)
     features = _unpack(folder / ARRAYS, _checked(folder / ARRAYS, envelope.arrays_sha256), card)
-    booster = xgboost.Booster()
+    booster = xgboost.Booster({"nthread": 1})
     try:
         booster.load_model(bytearray(booster_data))
     except xgboost.core.XGBoostError:

@@ -32,7 +32,7 @@ PAPER_DEPTHS = (2, 4, 8, 16, 32, 64, 128)
 PAPER_TREES = (10, 25, 50, 100, 150, 200)
 """The paper searches "a few values" of max_depth in [2, 128] and of n_estimators in [10, 200]."""
 N_FOLDS = 5
-NOISES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0)
+NOISES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0)
 BLOCK_DEG = 4.0
 """Default width of the blocks of longitude that are permuted, in degrees."""
 
@@ -117,7 +117,7 @@ def grid_search(
     n_folds: int = N_FOLDS,
     progress: Progress | None = None,
     should_stop: ShouldStop | None = None,
-    workers: int | None = None,
+    workers: int = 1,
 ) -> Grid:
     """Cross-validate depth and number of trees on the training streams (paper §2.5).
 
@@ -169,7 +169,7 @@ def learning_curve(
     sizes: Sequence[int] | None = None,
     progress: Progress | None = None,
     should_stop: ShouldStop | None = None,
-    workers: int | None = None,
+    workers: int = 1,
 ) -> Curve:
     """Scores against the number of simulated streams per class, ``x``.
 
@@ -200,7 +200,7 @@ def noise_curve(
     noises: Sequence[float] = NOISES,
     progress: Progress | None = None,
     should_stop: ShouldStop | None = None,
-    workers: int | None = None,
+    workers: int = 1,
 ) -> Curve:
     """Scores against σ_ε, trained and judged anew at each: where does the method die?"""
     scores = []
@@ -263,7 +263,7 @@ def compare(
     presets: Mapping[str, ClassifierConfig],
     progress: Progress | None = None,
     should_stop: ShouldStop | None = None,
-    workers: int | None = None,
+    workers: int = 1,
 ) -> list[Contender]:
     """Presets and small dense networks on one split.
 

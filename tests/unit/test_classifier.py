@@ -41,7 +41,7 @@ def toy(amplitudes=(0.0, 0.5, 2.0), n_streams=120, seed=0) -> LabelledStreams:
 @pytest.mark.parametrize("settings", [SMALL, BEST, PAPER], ids=["small", "best", "paper"])
 def test_separable_classes_are_told_apart_without_an_error(amplitudes, settings):
     # without noise: trees cut at the outermost training stream, and one test stream may lie beyond it
-    judged = train(toy(amplitudes), 0.0, settings, workers=1)
+    judged = train(toy(amplitudes), 0.0, settings)
     assert judged.scores.values["overall_accuracy"] == 1.0
     for name in ("precision", "recall", "f1", "auc"):
         np.testing.assert_allclose(judged.scores.values[name], 1.0)
@@ -51,7 +51,7 @@ def test_shuffled_labels_leave_chance():
     streams = toy(n_streams=400)
     order = np.random.default_rng(1).permutation(1200)
     q = streams.clean[order].reshape(3, 400, N_BINS)
-    judged = train(LabelledStreams(tuple(q), streams.draws, LABELS), 0.01, SMALL, workers=1)
+    judged = train(LabelledStreams(tuple(q), streams.draws, LABELS), 0.01, SMALL)
     # 300 test streams of 3 classes: chance is 1/3 with a standard deviation of 0.027
     assert abs(judged.scores.values["overall_accuracy"] - 1 / 3) < 4 * 0.0272
     assert np.all(np.abs(judged.scores.values["auc"] - 0.5) < 0.15)
@@ -64,7 +64,7 @@ def test_temperature_calibrates_labels_that_are_partly_noise():
     y = streams.y ^ (rng.random(3000) < 0.15)
     q = tuple(streams.clean[y == c] for c in (0, 1))
     draws = tuple(rng.standard_normal(a.shape, dtype=np.float32) for a in q)
-    judged = train(LabelledStreams(q, draws, LABELS[:2]), 0.01, SMALL, workers=1)
+    judged = train(LabelledStreams(q, draws, LABELS[:2]), 0.01, SMALL)
     assert judged.scores.values["overall_accuracy"] == pytest.approx(0.85, abs=0.04)
     assert calibration(judged.y, judged.probability).ece < 0.05
 
@@ -115,7 +115,7 @@ def test_test_streams_do_not_reach_the_model():
     changed = streams.clean.copy()
     changed[test] = 1 + np.random.default_rng(0).normal(0, 5, (len(test), N_BINS))
     other = LabelledStreams(tuple(changed.reshape(3, 120, N_BINS)), streams.draws, LABELS)
-    a, b = train(streams, 0.1, SMALL, workers=1), train(other, 0.1, SMALL, workers=1)
+    a, b = train(streams, 0.1, SMALL), train(other, 0.1, SMALL)
     assert a.classifier.booster.save_raw("ubj") == b.classifier.booster.save_raw("ubj")
     np.testing.assert_array_equal(a.classifier.features.components, b.classifier.features.components)
     assert a.scores.values["overall_accuracy"] > b.scores.values["overall_accuracy"] + 0.2
@@ -123,7 +123,7 @@ def test_test_streams_do_not_reach_the_model():
 
 def test_cell_lists_exactly_the_streams_that_are_counted():
     streams = toy((0.0, 0.05, 0.1))
-    judged = train(streams, 0.3, SMALL, workers=1)
+    judged = train(streams, 0.3, SMALL)
     assert judged.scores.counts.sum() > np.trace(judged.scores.counts)
     for truth in range(3):
         for taken_for in range(3):
@@ -154,8 +154,8 @@ def test_noise_may_differ_from_bin_to_bin():
     draws = np.random.default_rng(0).standard_normal(x.shape, dtype=np.float32)
     streams = LabelledStreams(tuple(x), tuple(draws), LABELS[:2])
     loud = np.where(np.arange(N_BINS) < 30, 0.1, 100.0)
-    assert train(streams, loud[::-1].copy(), PAPER, workers=1).scores.values["overall_accuracy"] == 1.0
-    assert train(streams, loud, PAPER, workers=1).scores.values["overall_accuracy"] < 0.75
+    assert train(streams, loud[::-1].copy(), PAPER).scores.values["overall_accuracy"] == 1.0
+    assert train(streams, loud, PAPER).scores.values["overall_accuracy"] < 0.75
 
 
 def test_cancel_stops_the_training():
@@ -166,13 +166,13 @@ def test_cancel_stops_the_training():
         return len(asked) > 5
 
     with pytest.raises(Cancelled):
-        train(toy(), 0.1, SMALL, workers=1, should_stop=stop)
+        train(toy(), 0.1, SMALL, should_stop=stop)
     assert len(asked) < 10
 
 
 def test_progress_rises_to_the_end():
     seen = []
-    train(toy(), 0.1, SMALL, workers=1, progress=lambda done, total: seen.append((done, total)))
+    train(toy(), 0.1, SMALL, progress=lambda done, total: seen.append((done, total)))
     done = [d for d, _ in seen]
     assert done == sorted(done) and seen[-1][0] == seen[-1][1]
 
@@ -230,11 +230,11 @@ def test_data_that_do_not_fit_are_refused(change, words):
 @pytest.mark.parametrize("noise", [-0.1, np.nan, np.ones(3)])
 def test_noise_that_does_not_fit_is_refused(noise):
     with pytest.raises(ClassifierError, match="noise"):
-        train(toy(), noise, SMALL, workers=1)
+        train(toy(), noise, SMALL)
 
 
 def test_profiles_that_do_not_fit_are_refused():
-    classifier = train(toy(), 0.1, SMALL, workers=1).classifier
+    classifier = train(toy(), 0.1, SMALL).classifier
     with pytest.raises(ClassifierError, match="60 bins"):
         classifier.predict_proba(np.ones(59))
     with pytest.raises(ClassifierError, match="not finite"):

@@ -22,7 +22,7 @@ def streams(shipped_cache):
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_two_classes_are_at_least_as_good_as_the_papers_table_2(streams, seed):
-    scores = train(streams[2], NOISE, BEST.model_copy(update={"seed": seed}), workers=1).scores
+    scores = train(streams[2], NOISE, BEST.model_copy(update={"seed": seed})).scores
     assert scores.counts.sum() == 1000
     assert scores.values["overall_accuracy"] >= 0.99
     for metric in ("precision", "recall", "f1"):
@@ -33,7 +33,7 @@ def test_two_classes_are_at_least_as_good_as_the_papers_table_2(streams, seed):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_three_classes(streams, seed):
-    scores = train(streams[3], NOISE, BEST.model_copy(update={"seed": seed}), workers=1).scores
+    scores = train(streams[3], NOISE, BEST.model_copy(update={"seed": seed})).scores
     assert scores.counts.sum() == 1500
     assert scores.values["overall_accuracy"] >= 0.96
     assert np.all(scores.values["recall"] >= 0.94)
@@ -41,7 +41,7 @@ def test_three_classes(streams, seed):
 
 
 def test_the_papers_eight_components_do_for_two_classes_and_not_for_three(streams):
-    two, three = (train(streams[n], NOISE, PAPER, workers=1) for n in (2, 3))
+    two, three = (train(streams[n], NOISE, PAPER) for n in (2, 3))
     assert 0.7 < three.classifier.features.variance.sum() < 0.9  # the paper: 80 % of the variance
     assert two.scores.values["overall_accuracy"] >= 0.99
     assert 0.8 < three.scores.values["overall_accuracy"] < 0.93
@@ -49,7 +49,7 @@ def test_the_papers_eight_components_do_for_two_classes_and_not_for_three(stream
 
 def test_streams_that_are_confused_had_fewer_impacts(streams):
     """Few impacts in 10⁷–10⁹: a Poisson number of mean 5.7, so that some streams have hardly a gap."""
-    judged = train(streams[3], NOISE, BEST, workers=1)
+    judged = train(streams[3], NOISE, BEST)
     rows = [judged.cell(2, 0), judged.cell(2, 1), judged.cell(2, 2)]
     impacts = [streams[3].n_impacts[2][streams[3].locate(r)[1]] for r in rows]
     wrong = np.concatenate(impacts[:2])

@@ -34,7 +34,7 @@ def streams() -> LabelledStreams:
 
 @pytest.fixture(scope="module")
 def classifier(streams):
-    return train(streams, 0.1, SETTINGS, workers=1).classifier
+    return train(streams, 0.1, SETTINGS).classifier
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def folder(tmp_path, classifier):
 
 def test_same_seed_gives_the_same_bytes(folder, tmp_path_factory, streams):
     again = tmp_path_factory.mktemp("again")
-    write_model(again, "0" * 16, train(streams, 0.1, SETTINGS, workers=1).classifier)
+    write_model(again, "0" * 16, train(streams, 0.1, SETTINGS).classifier)
     for name in ("card.json", "booster.ubj", "arrays.npz"):
         assert (folder / name).read_bytes() == (again / name).read_bytes()
 
@@ -53,7 +53,7 @@ def test_same_seed_gives_the_same_bytes(folder, tmp_path_factory, streams):
 def test_other_seed_gives_other_bytes(folder, tmp_path_factory, streams):
     other = tmp_path_factory.mktemp("other")
     settings = SETTINGS.model_copy(update={"seed": 1})
-    write_model(other, "0" * 16, train(streams, 0.1, settings, workers=1).classifier)
+    write_model(other, "0" * 16, train(streams, 0.1, settings).classifier)
     assert (folder / "booster.ubj").read_bytes() != (other / "booster.ubj").read_bytes()
 
 
@@ -72,7 +72,7 @@ def test_fresh_process_predicts_the_same(folder, streams, classifier):
 
 
 def test_model_that_was_read_judges_as_it_did(folder, streams):
-    trained, again = train(streams, 0.1, SETTINGS, workers=1), judge(read_model(folder), streams)
+    trained, again = train(streams, 0.1, SETTINGS), judge(read_model(folder), streams)
     np.testing.assert_array_equal(again.probability, trained.probability)
     assert again.scores.to_dict() == trained.scores.to_dict() == again.classifier.card.scores
     with pytest.raises(ClassifierError, match="other streams"):
@@ -145,7 +145,7 @@ def test_booster_of_another_model_is_refused_even_with_the_right_checksum(folder
 
     other = tmp_path_factory.mktemp("other")
     settings = SETTINGS.model_copy(update={"features": FeatureSet(n_pca=2, summaries=())})
-    write_model(other, "1" * 16, train(streams, 0.1, settings, workers=1).classifier)
+    write_model(other, "1" * 16, train(streams, 0.1, settings).classifier)
     data = (other / "booster.ubj").read_bytes()
     (folder / "booster.ubj").write_bytes(data)
     change_card(folder, lambda d: d.update(booster_sha256=hashlib.sha256(data).hexdigest()))

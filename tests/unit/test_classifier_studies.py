@@ -31,8 +31,8 @@ def streams() -> LabelledStreams:
 
 def test_grid_is_that_of_separate_models(streams):
     """The accuracy at n trees is what a model of n trees has."""
-    short = grid_search(streams, 0.2, SETTINGS, depths=(2, 3), n_trees=(5,), n_folds=3, workers=1)
-    long = grid_search(streams, 0.2, SETTINGS, depths=(2, 3), n_trees=(5, 20), n_folds=3, workers=1)
+    short = grid_search(streams, 0.2, SETTINGS, depths=(2, 3), n_trees=(5,), n_folds=3)
+    long = grid_search(streams, 0.2, SETTINGS, depths=(2, 3), n_trees=(5, 20), n_folds=3)
     assert long.accuracy.shape == (2, 2)
     np.testing.assert_allclose(long.accuracy[:, 0], short.accuracy[:, 0])
     assert long.accuracy.max() > 0.7
@@ -48,14 +48,14 @@ def test_grid_never_sees_test_streams(streams):
     other = LabelledStreams(
         tuple(changed.reshape(2, 400, N_BINS)), streams.draws, streams.labels, ell=streams.ell
     )
-    arguments = {"depths": (2,), "n_trees": (10,), "n_folds": 3, "workers": 1}
+    arguments = {"depths": (2,), "n_trees": (10,), "n_folds": 3}
     a = grid_search(streams, 0.2, SETTINGS, **arguments)
     b = grid_search(other, 0.2, SETTINGS, **arguments)
     np.testing.assert_array_equal(a.accuracy, b.accuracy)
 
 
 def test_more_noise_means_fewer_right(streams):
-    curve = noise_curve(streams, SETTINGS, (0.0, 0.3, 5.0), workers=1)
+    curve = noise_curve(streams, SETTINGS, (0.0, 0.3, 5.0))
     assert curve.accuracy[0] == 1.0
     assert np.all(np.diff(curve.accuracy) < 0)
     assert curve.accuracy[-1] == pytest.approx(0.5, abs=0.13)  # 200 test streams
@@ -63,15 +63,15 @@ def test_more_noise_means_fewer_right(streams):
 
 
 def test_more_streams_mean_more_right(streams):
-    curve = learning_curve(streams, 0.25, SETTINGS, workers=1)
+    curve = learning_curve(streams, 0.25, SETTINGS)
     np.testing.assert_array_equal(curve.x, [25, 50, 100, 200, 400])
     assert curve.accuracy[-1] > curve.accuracy[0]
-    whole = train(streams, 0.25, SETTINGS, workers=1)
+    whole = train(streams, 0.25, SETTINGS)
     assert curve.accuracy[-1] == whole.scores.values["overall_accuracy"]
 
 
 def test_importance_points_at_the_place_that_was_changed(streams):
-    judged = train(streams, 0.1, SETTINGS, workers=1)
+    judged = train(streams, 0.1, SETTINGS)
     found = importance(judged, streams, 0.1, block=2.0)
     np.testing.assert_allclose(found.edges, [199.9, 201.9, 203.9, 205.9, 207.9])
     assert found.log_loss.argmax() == 1 and found.accuracy.argmax() == 1
@@ -82,7 +82,10 @@ def test_importance_points_at_the_place_that_was_changed(streams):
 def test_comparison_is_on_one_split(streams):
     seen = []
     rows = compare(
-        streams, 0.1, {"best": SETTINGS, "other": SETTINGS}, lambda a, b: seen.append((a, b)), workers=1
+        streams,
+        0.1,
+        {"best": SETTINGS, "other": SETTINGS},
+        lambda a, b: seen.append((a, b)),
     )
     assert [r.name for r in rows] == ["best", "other", "dense network, features of 'best'"]
     np.testing.assert_array_equal(rows[0].scores.counts, rows[1].scores.counts)
