@@ -18,7 +18,7 @@ from streamdash.classifier_model import PRESETS
 from streamdash.classifier_studies import compare, grid_search, importance, learning_curve, noise_curve
 from streamdash.plots import classifier_studies as plots
 
-CURVE_LEGEND = (("line", "recall per class"), ("grey", "accuracy"), ("dashes", "guessing"))
+CURVE_LEGEND = (("line", "recall per class"), ("grey", "accuracy over all classes"))
 
 
 def studies_of(

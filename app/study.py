@@ -99,7 +99,11 @@ class StudyCard:
         self.card = ui.FigureCard(
             study.title,
             pn.Column(
-                ui.plain_text(study.purpose), self.controls.view, self.figure, sizing_mode=ui.WIDE, margin=0
+                ui.plain_text(study.purpose, margin=(4, 0)),
+                self.controls.view,
+                self.figure,
+                sizing_mode=ui.WIDE,
+                margin=0,
             ),
             name=study.name,
             image=lambda kind: export(study.draw(self._ready(), "matplotlib"), kind),

@@ -97,7 +97,7 @@ class Work:
     """The tasks of one server process, by key, and the thread that does them one after the other."""
 
     def __init__(self) -> None:
-        self._tasks: LRUCache = LRUCache(KEPT)
+        self._tasks: LRUCache[Hashable, Task] = LRUCache(KEPT)
         self._lock = threading.Lock()
         self._thread = ThreadPoolExecutor(1, "work", initializer=_be_nice)
 
@@ -126,26 +126,31 @@ class Watch:
     ----------
     show : callable
         Called with the task on the session's event loop whenever it has changed.
+
+    Attributes
+    ----------
+    following : Task or None
+        The task that is looked at.
     """
 
     def __init__(self, show: Callable[[Task], None]) -> None:
         self._show = show
-        self._task: Task | None = None
+        self.following: Task | None = None
         self._seen = -1
         self._timer: Any = None
 
     def follow(self, task: Task) -> None:
         """Show this task from now on, instead of any other."""
         self.leave()
-        self._task, self._seen = task, -1
+        self.following, self._seen = task, -1
         task.waiting_for_it += 1
         if pn.state.curdoc is not None and task.active:
-            self._timer = pn.state.add_periodic_callback(self._look, POLL_MS)
-        self._look()
+            self._timer = pn.state.add_periodic_callback(self.look, POLL_MS)
+        self.look()
 
     def cancel(self) -> None:
         """Stop waiting; the task is stopped when nobody else waits for it."""
-        task = self._task
+        task = self.following
         self.leave()
         if task is not None:
             self._show(task)
@@ -155,14 +160,15 @@ class Watch:
         if self._timer is not None:
             self._timer.stop()
             self._timer = None
-        if self._task is not None:
-            self._task.waiting_for_it -= 1
-            if self._task.waiting_for_it <= 0 and self._task.active:
-                self._task.stop()
-            self._task = None
+        if self.following is not None:
+            self.following.waiting_for_it -= 1
+            if self.following.waiting_for_it <= 0 and self.following.active:
+                self.following.stop()
+            self.following = None
 
-    def _look(self) -> None:
-        task = self._task
+    def look(self) -> None:
+        """Show the task if it has changed; called by a timer on the session's event loop."""
+        task = self.following
         if task is None or task.version == self._seen:
             return
         self._seen = task.version

@@ -27,7 +27,7 @@ def draw_curve(curve: Curve, xlabel: str, backend: Backend, logarithmic: bool = 
     """Accuracy (grey, thick) and recall per class (in class colours), with bootstrap errors."""
     use(backend)
     n_classes = curve.recall.shape[1]
-    parts: list[hv.Element] = [level_lines("chance", [1 / n_classes], backend)]
+    parts: list[hv.Element] = []
     for c in range(n_classes):
         parts += _with_errors(
             f"class {c}", curve.x, curve.recall[:, c], curve.recall_error[:, c], class_colour(c), backend
