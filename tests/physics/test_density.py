@@ -5,11 +5,9 @@ import pytest
 
 from streamdash.config import Accuracy, Perturbers
 from streamdash.density import perturbed_stream, stream_profile
-from streamdash.geometry import R0_KPC, V0_KMS
 from streamdash.impacts import COLUMNS, Impacts, ImpactsError, sample_impacts
-from streamdash.kicks import gravity
 from tests.physics.reference import march
-from tests.physics.test_kicks import CASES, one
+from tests.physics.test_kicks import CASES, hit_galpys, one
 
 THETA = np.linspace(0.03, 0.987, 60)
 
@@ -39,22 +37,7 @@ def galpy_by_even_sum(gap, angle):
 @pytest.mark.parametrize("case", CASES, ids=["near-recent", "small", "old"])
 def test_one_impact_equals_galpys_gap(geometry, gap_at, profile, case):
     k, theta, b, w, mass, r_s = case
-    gap = gap_at(k)
-    gap._nKickPoints = 2001
-    for name in ("_kick_interpolatedThetasTrack", "_kick_interpolatedObsTrackAA"):
-        if hasattr(gap, name):
-            delattr(gap, name)
-    gap._determine_deltav_kick(
-        theta,
-        b / R0_KPC,
-        np.array(w) / V0_KMS,
-        mass * gravity(),
-        r_s / R0_KPC,
-        None,
-        3,
-        profile == "hernquist",
-    )
-    gap._determine_deltaOmegaTheta_kick(3)
+    gap = hit_galpys(gap_at(k), case, profile)
     angles = np.linspace(0.05, 0.95, 25)
     ours = perturbed_stream(geometry, one(geometry, k, theta, b, w, mass, r_s), angles, profile)
     smooth = ours.smooth.values

@@ -64,26 +64,24 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize("profile", ["hernquist", "plummer"])
-@pytest.mark.parametrize("case", CASES, ids=["near-recent", "small", "old"])
-def test_frequency_kick_equals_galpys(geometry, gap_at, profile, case):
-    k, theta, b, w, mass, r_s = case
-    gap = gap_at(k)
+def hit_galpys(gap, case, profile):
+    """Give galpy's stream the one impact of `case`, its kick densely sampled."""
+    _, theta, b, w, mass, r_s = case
     gap._nKickPoints = 2001
     for name in ("_kick_interpolatedThetasTrack", "_kick_interpolatedObsTrackAA"):
         if hasattr(gap, name):
             delattr(gap, name)
-    gap._determine_deltav_kick(
-        theta,
-        b / R0_KPC,
-        np.array(w) / V0_KMS,
-        mass * gravity(),
-        r_s / R0_KPC,
-        None,
-        3,
-        profile == "hernquist",
-    )
+    subhalo = (b / R0_KPC, np.array(w) / V0_KMS, mass * gravity(), r_s / R0_KPC)
+    gap._determine_deltav_kick(theta, *subhalo, None, 3, profile == "hernquist")
     gap._determine_deltaOmegaTheta_kick(3)
+    return gap
+
+
+@pytest.mark.parametrize("profile", ["hernquist", "plummer"])
+@pytest.mark.parametrize("case", CASES, ids=["near-recent", "small", "old"])
+def test_frequency_kick_equals_galpys(geometry, gap_at, profile, case):
+    k, theta, b, w, mass, r_s = case
+    gap = hit_galpys(gap_at(k), case, profile)
     tables = kick_tables(
         geometry,
         one(geometry, k, theta, b, w, mass, r_s),
