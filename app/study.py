@@ -38,7 +38,9 @@ class TaskControls:
         self.cancel = ui.button(
             "Cancel", cancel, css_classes=[f"sd-{name}-cancel"], margin=(4, 10), visible=False
         )
-        self.bar = pn.indicators.Progress(value=0, max=100, width=180, margin=(14, 10), visible=False)
+        self.bar = pn.indicators.Progress(
+            value=0, max=100, width=180, height=12, sizing_mode="fixed", margin=(14, 10), visible=False
+        )
         self.text = LiveText(margin=(8, 10), css_classes=[f"sd-{name}-status"])
         self.view = ui.controls(self.start, self.cancel, self.bar, self.text)
 

@@ -182,4 +182,4 @@ class Watch:
 def _be_nice() -> None:
     """Let the event loop go first where threads can be ranked: moving sliders matter more."""
     with contextlib.suppress(AttributeError, OSError):
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 5)

@@ -25,8 +25,9 @@ def _engine_digest() -> str:
 
 # Before anything imports numba; worker processes and servers started by tests inherit it.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / ".pytest_cache" / "numba" / _engine_digest()))
-# A developer's own cache must not decide what a test sees.
+# A developer's own cache must not decide what a test sees, nor models of other sources.
 os.environ.pop("STREAMDASH_CACHE", None)
+os.environ["STREAMDASH_MODELS"] = str(ROOT / ".pytest_cache" / "models" / _engine_digest())
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,99 @@
+"""The Classifier page in a real browser."""
+
+from __future__ import annotations
+
+import io
+
+import pandas as pd
+import pytest
+from playwright.sync_api import Page, expect
+
+pytestmark = pytest.mark.browser
+TWO = "?page=classifier&mass=1e3-1e5,1e5-1e9&preset=paper&n_pca=8&features=pca"
+LONG_MS = 120_000
+
+
+def trained(page: Page) -> Page:
+    """Wait until the classifier is there and its matrix painted."""
+    expect(page.locator(".sd-train-status .sd-live")).to_contain_text("trees per class", timeout=LONG_MS)
+    expect(page.locator(".sd-card-confusion canvas").first).to_be_visible(timeout=LONG_MS)
+    return page
+
+
+def sentence(page: Page, card: str):
+    return page.locator(f".sd-card-{card} .sd-sentence .sd-live")
+
+
+def test_the_page_trains_and_says_how_good_it_is(tab):
+    watched = tab(TWO)
+    page = trained(watched.page)
+    expect(sentence(page, "confusion")).to_contain_text("streams that were never trained on")
+    expect(page.locator(".sd-scores table")).to_contain_text("paper 0.99")
+    expect(sentence(page, "calibration")).to_contain_text("Expected calibration error")
+    assert not watched.complaints
+    assert all(
+        url.startswith(("http://localhost", "ws://localhost", "data:", "blob:")) for url in watched.requests
+    )
+
+
+def test_a_click_on_a_cell_shows_its_streams_and_the_menu_does_the_same(tab):
+    page = trained(tab(TWO + "&cell=1").page)
+    expect(sentence(page, "cell")).to_contain_text("of 10³–10⁵ M☉ are put right")
+    page.wait_for_timeout(500)
+    place = page.evaluate(
+        """() => {
+          const figure = sd.figures().find(f => sd.renderers(f).some(r => r.glyph.type === "Text"))
+          const view = sd.view(figure), box = view.el.getBoundingClientRect(), frame = view.frame
+          return [box.x + frame.x_scale.compute(1), box.y + frame.y_scale.compute(-1)]
+        }"""
+    )
+    page.mouse.click(*place)
+    expect(sentence(page, "cell")).to_contain_text("of 10⁵–10⁹ M☉ are put right", timeout=10_000)
+    page.wait_for_function("() => new URLSearchParams(location.search).get('cell') === '4'")
+    menu = page.locator(".sd-cell select")
+    menu.focus()
+    page.keyboard.press("Home")
+    page.keyboard.press("ArrowDown")
+    expect(sentence(page, "cell")).to_contain_text("of 10³–10⁵ M☉ are put right", timeout=10_000)
+
+
+def test_training_at_another_noise_by_keyboard(tab):
+    page = trained(tab(TWO).page)
+    page.locator(".sd-noise .MuiSlider-thumb input").first.focus()
+    for _ in range(3):
+        page.keyboard.press("ArrowRight")
+    status = page.locator(".sd-train-status .sd-live")
+    expect(status).to_contain_text("Press Train", timeout=10_000)
+    page.locator(".sd-train-start button").focus()
+    page.keyboard.press("Enter")
+    expect(status).to_contain_text("σ_ε = 0.13", timeout=LONG_MS)
+
+
+def test_a_study_shows_progress_can_be_cancelled_and_then_finishes(tab):
+    page = trained(tab(TWO).page)
+    status = page.locator(".sd-importance-status .sd-live")
+    start, cancel = (page.locator(f".sd-importance-{name} button") for name in ("start", "cancel"))
+    start.click()
+    expect(cancel).to_be_visible()
+    cancel.click()
+    expect(status).to_contain_text("Cancelled", timeout=20_000)
+    expect(start).to_be_enabled()
+    start.click()
+    expect(sentence(page, "importance")).to_contain_text("Most is lost without", timeout=LONG_MS)
+    with page.expect_download() as download:
+        page.locator(
+            ".sd-card-importance .sd-download-csv a, .sd-card-importance .sd-download-csv button"
+        ).first.click()
+    table = pd.read_csv(io.BytesIO(download.value.path().read_bytes()))
+    assert len(table) > 10 and table["log_loss_rise"].max() > 0
+
+
+@pytest.mark.parametrize("theme", ["default", "dark"])
+def test_nothing_sticks_out_on_a_phone(tab, theme):
+    page = trained(tab(f"{TWO}&theme={theme}", width=390, height=844).page)
+    wide = page.evaluate(
+        """() => [...document.querySelectorAll(".sd-card, .sd-controls")]
+             .filter(e => e.getBoundingClientRect().right > window.innerWidth + 1).length"""
+    )
+    assert wide == 0
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
