@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
@@ -10,15 +12,21 @@ import panel as pn
 
 from app.services import Services
 
-REST_MS = 300
-"""How long inputs must rest before the computation starts, in ms."""
+REST_S = 0.3
+"""How long inputs must rest before the computation starts."""
+LOOK_MS = 100
+"""How often a session that waits looks whether its result is there."""
+FAILED = "This result failed unexpectedly; the server's log has the details."
+
+logger = logging.getLogger(__name__)
 
 
 class Later:
     """One slow result of a page, always for the newest question.
 
     Everything but ``compute`` runs on the session's own event loop. All sessions of the process
-    take turns on one thread, so that sliders stay quick while results are made.
+    take turns on one thread, so that sliders stay quick while results are made. In contrast to
+    `app.work` there is nothing to follow or to cancel: a result takes about a second.
 
     Parameters
     ----------
@@ -34,45 +42,53 @@ class Later:
         self.services = services
         self._show = show
         self._fail = fail
-        self._number = 0
-        self._document = pn.state.curdoc
+        self._wanted: Callable[[], Any] | None = None
+        self._due = 0.0
+        self._future: Future | None = None
+        self._timer: Any = None
 
     def ask(self, compute: Callable[[], Any]) -> None:
         """Show ``compute()`` when it is there, unless something newer is asked for by then."""
-        self._number += 1
-        number, document = self._number, self._document
-        if document is None:  # outside a server there is no event loop to keep free
-            self._finish(number, _settled(compute))
-            return
-        document.add_timeout_callback(lambda: self._start(number, compute), REST_MS)
+        self._wanted, self._future = compute, None
+        self._due = time.monotonic() + REST_S
+        if pn.state.curdoc is None:  # outside a server there is no event loop to keep free
+            self._finish(_settled(compute))
+        else:
+            # What changes while the browser still builds the page would never reach it.
+            pn.state.onload(self._watch)
 
     def cancel(self) -> None:
         """Show nothing any more that was asked for until now."""
-        self._number += 1
+        self._wanted = self._future = None
+        if self._timer is not None:
+            self._timer.stop()
+            self._timer = None
 
-    def _start(self, number: int, compute: Callable[[], Any]) -> None:
-        if number != self._number:
-            return
-        future = self.services.shared(("later",), lambda: ThreadPoolExecutor(1, "later")).submit(compute)
-        document = self._document
-        assert document is not None  # there was one when the timer was set
-        # The one call on a document that another thread may make.
-        future.add_done_callback(
-            lambda done: document.add_next_tick_callback(lambda: self._finish(number, done))
-        )
+    def _watch(self) -> None:
+        if self._timer is None and self._wanted is not None:
+            self._timer = pn.state.add_periodic_callback(self._look, LOOK_MS)
 
-    def _finish(self, number: int, future: Future) -> None:
-        if number != self._number:
-            return
+    def _look(self) -> None:
+        """Start what has rested long enough; show what is there."""
+        if self._future is None and self._wanted is not None:
+            if time.monotonic() >= self._due:
+                threads = self.services.shared(("later",), lambda: ThreadPoolExecutor(1, "later"))
+                self._future = threads.submit(self._wanted)
+        elif self._future is not None and self._future.done():
+            future = self._future
+            self.cancel()
+            with pn.io.hold():
+                self._finish(future)
+
+    def _finish(self, future: Future) -> None:
         error = future.exception()
-        with pn.io.hold():
-            if error is None:
-                self._show(future.result())
-            elif isinstance(error, ValueError):
-                self._fail(str(error))
-            else:
-                self._fail("This result failed unexpectedly; the server's log has the details.")
-                raise error
+        if error is None:
+            self._show(future.result())
+        elif isinstance(error, ValueError):
+            self._fail(str(error))
+        else:
+            logger.error("a later result failed", exc_info=error)
+            self._fail(FAILED)
 
 
 def _settled(compute: Callable[[], Any]) -> Future:

@@ -157,6 +157,16 @@ def test_the_table_stands_beside_the_papers_with_jeffreys_words(tab):
     expect(table).to_contain_text("correlations included")
 
 
+@pytest.mark.parametrize("noise", ["0.123", "0.124"])
+def test_slow_results_reach_a_page_that_was_just_opened(tab, noise):
+    """Nobody asked for this noise before: the results come while or after the browser builds the page."""
+    page = tab(f"{EVIDENCE}&noise={noise}").page
+    expect(sentence(page, "cumulative")).to_contain_text("the plain sum goes from", timeout=30_000)
+    expect(sentence(page, "growth")).to_contain_text("2000 streams", timeout=30_000)
+    page.wait_for_function("() => sd.figures().some(f => f.left[0].axis_label === 'Σ ln B for M0')")
+    page.wait_for_function("() => sd.figures().some(f => f.left[0].axis_label === 'Σ ln B over bins')")
+
+
 def test_choosing_the_fiducial_redraws(tab):
     watched = tab(EVIDENCE)
     page = watched.page
