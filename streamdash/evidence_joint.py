@@ -51,8 +51,9 @@ class JointEvidence:
     n_components : int
         Number of components in the sum; 0 means that nothing could be compared.
     n_unresolved : int
-        Components left out because the two distributions share no bin: these tell the models
-        apart better than the simulations can say, so that with any of them `value` is a lower limit.
+        Components in which the two distributions share no bin when bins are narrow: taken from the
+        numbers of bins at which they do, or left out if there is none. They tell the models apart
+        better than the simulations can say, so that with any of them `value` is a lower limit.
     """
 
     value: float
@@ -93,11 +94,11 @@ def joint_evidence(
         return nothing, nothing
     # Without self-pairs: their small excess in E_ii would add up over the components.
     integrals = overlap_integrals([np.sort(z.T, axis=1) for z in (z_i, z_j)], y_bins, self_pairs=False)
-    resolved = np.all(integrals > 0, axis=(0, 1, 2))
-    logs = np.log(integrals[..., resolved])
+    resolved = np.all(integrals > 0, axis=(1, 2))
+    logs = np.log(np.where(resolved[:, None, None], integrals, np.nan))
     return (
-        _summed(logs[:, 0, 0] - logs[:, 0, 1], gaussian_ln_bayes(z_i, z_j), ~resolved),
-        _summed(logs[:, 1, 1] - logs[:, 1, 0], gaussian_ln_bayes(z_j, z_i), ~resolved),
+        _summed(logs[:, 0, 0] - logs[:, 0, 1], gaussian_ln_bayes(z_i, z_j)),
+        _summed(logs[:, 1, 1] - logs[:, 1, 0], gaussian_ln_bayes(z_j, z_i)),
     )
 
 
@@ -151,14 +152,18 @@ def gaussian_ln_bayes(z_i: np.ndarray, z_j: np.ndarray) -> float:
     return float(0.5 * np.sum(np.log((v_i + v_j) / (2 * v_i)) + delta**2 / (v_i + v_j)))
 
 
-def _summed(by_y_bins: np.ndarray, gaussian: float, unresolved: np.ndarray) -> JointEvidence:
-    """Sum over components, in the same way as `Evidence.cumulative` sums over bins."""
-    low, high = np.quantile(by_y_bins.sum(axis=1), QUANTILES[::2])
+def _summed(by_y_bins: np.ndarray, gaussian: float) -> JointEvidence:
+    """Sum over components of ln B (n_y_bins, n_components), NaN where the two models do not overlap."""
+    missing = np.isnan(by_y_bins)
+    usable = ~missing.all(axis=0)
+    found = by_y_bins[:, usable]
+    medians = np.nanmedian(found, axis=0)
+    low, high = np.quantile(np.where(np.isnan(found), medians, found).sum(axis=1), QUANTILES[::2])
     return JointEvidence(
-        value=float(np.median(by_y_bins, axis=0).sum()),
+        value=float(medians.sum()),
         low=float(low),
         high=float(high),
         gaussian=gaussian,
-        n_components=by_y_bins.shape[1],
-        n_unresolved=int(unresolved.sum()),
+        n_components=int(usable.sum()),
+        n_unresolved=int(missing.any(axis=0).sum()),
     )

@@ -233,9 +233,10 @@ def _correlations(results: dict[str, Any]) -> str:
         "also used together: one linear change of variables makes the covariances of both models "
         "diagonal, and "
         "the paper’s estimator is applied to the components, in which no linear correlation is left "
-        "(`streamdash.evidence_joint`; exact for Gaussians). A component in which the two models never "
-        "overlap "
-        "is left out, and the result is then a lower limit.\n\n" + "\n".join(lines) + f"\n\n{limit}"
+        "(`streamdash.evidence_joint`; exact for Gaussians). Where the two models hardly overlap "
+        "in a component, only wide bins of it, or none, can be used: the result is then a lower limit.\n\n"
+        + "\n".join(lines)
+        + f"\n\n{limit}"
     )
 
 

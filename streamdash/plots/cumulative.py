@@ -124,7 +124,7 @@ def sentence(tables: Tables, fiducial: int, configs: Sequence[EnsembleConfig]) -
     truth = model_text(fiducial, configs[fiducial].perturbers.mass_range)
     return (
         f"If the perturbers are {truth}: {'; '.join(parts)}. The plain sum counts correlated bins several "
-        "times; all bins together do not. ≥ marks components in which the classes never overlap."
+        "times; all bins together do not. ≥: the classes hardly overlap, a lower limit."
     )
 
 
