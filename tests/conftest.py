@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,9 @@ def _engine_digest() -> str:
     return digest.hexdigest()[:16]
 
 
+# Run from a script's background, Ctrl-C is ignored and all that tests start would inherit it.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 # Before anything imports numba; worker processes and servers started by tests inherit it.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / ".pytest_cache" / "numba" / _engine_digest()))
 # A developer's own cache must not decide what a test sees, nor models of other sources.
