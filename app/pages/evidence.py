@@ -50,6 +50,7 @@ class EvidencePage(Page):
         self.data = shared_comparison(self.services, self.session)
         self.tables: list[dict[str, Any]] = []
         self.curves: dict[int, Growth] = {}
+        self.dimmed = False
         self.live_chart: LiveFigure | None = None
         self.live_growth: LiveFigure | None = None
         self.later_table = Later(self.services, self._show_table, self._fail_table)
@@ -229,7 +230,7 @@ class EvidencePage(Page):
             return services.shared(("growth", n_bin, fiducial, *key), compute)
 
         if table:
-            if self.tables:
+            if self.tables and not self.dimmed:  # once, not at every step of a slider
                 self._write_table(waiting=True)
             self.later_table.ask(make_tables)
         self.later_growth.ask(make_curves)
@@ -250,6 +251,7 @@ class EvidencePage(Page):
         self.table_card.say(cumulative.sentence(tables, self.fiducial, configs(self.session)))
 
     def _write_table(self, waiting: bool) -> None:
+        self.dimmed = waiting
         shown = range(2) if len(self.session.ensembles) == 2 else [self.fiducial]
         self.table_pane.object = evidence_table(
             self.tables, configs(self.session), shown, self.is_paper, waiting
