@@ -22,9 +22,9 @@ SCHEMA = "streamdash-classifier/1"
 class Boosting(Config):
     """Hyperparameters of the gradient-boosted trees (XGBoost's names)."""
 
-    max_depth: int = Field(4, ge=1, le=128)
+    max_depth: int = Field(3, ge=1, le=128)
     n_estimators: int = Field(400, ge=1, le=5000, description="trees per class, at most")
-    learning_rate: Finite = Field(0.1, gt=0, le=1)
+    learning_rate: Finite = Field(0.15, gt=0, le=1)
     subsample: Finite = Field(0.8, gt=0, le=1)
     colsample_bytree: Finite = Field(0.4, gt=0, le=1)
     min_child_weight: Finite = Field(4.0, ge=0)

@@ -40,7 +40,7 @@ def reproduce_command(
         typer.Option(
             "--classifier/--no-classifier", help="Also train the classifiers of table 2, about a minute."
         ),
-    ] = False,
+    ] = True,
     cache: CacheOption = None,
 ) -> None:
     """Redo the paper's model selection and its classifier; the paper's numbers stand beside."""

@@ -71,8 +71,10 @@ class ClassifierPage(Page):
     def update(self, changed: frozenset[str]) -> None:
         if changed <= {"theme", "cell"}:
             if self.judged is not None:
-                self._draw_matrix()
-                if "cell" in changed:
+                if "theme" in changed:
+                    self._draw_matrix()
+                else:
+                    self.live.patch(classifier.selected_columns(*self.selected))
                     self._draw_streams()
             return
         if "preset" in changed:
@@ -129,7 +131,11 @@ class ClassifierPage(Page):
         options = {"the most common mistake": 0} | {word: k + 1 for k, word in enumerate(words)}
         # The browser's own menu: panel-material-ui's cannot be opened with the keyboard.
         menu = pn.widgets.Select(
-            name="Streams of the cell", options=options, width=340, max_width=340, css_classes=["sd-cell"]
+            name="Streams of the cell",
+            options=options,
+            sizing_mode=ui.WIDE,
+            max_width=340,
+            css_classes=["sd-cell"],
         )
         return self.bind("cell", menu, to_widget=lambda cell: cell if cell <= len(cells) else 0)
 
@@ -192,9 +198,9 @@ class ClassifierPage(Page):
 
     def _draw_matrix(self) -> None:
         dark = self.session.theme == "dark"
-        live = LiveFigure(classifier.draw_matrix(self._ready(), "bokeh", self.selected, dark))
-        live.figure.on_event(Tap, self._tapped)
-        self.matrix[:] = [pn.pane.Bokeh(live.figure, sizing_mode=ui.WIDE, margin=0)]
+        self.live = LiveFigure(classifier.draw_matrix(self._ready(), "bokeh", self.selected, dark))
+        self.live.figure.on_event(Tap, self._tapped)
+        self.matrix[:] = [pn.pane.Bokeh(self.live.figure, sizing_mode=ui.WIDE, margin=0)]
 
     def _draw_streams(self) -> None:
         rows = self._rows()
@@ -210,7 +216,7 @@ class ClassifierPage(Page):
                 )
                 for words, figure in zip(captions, figures, strict=True)
             ]
-            self.shown[:] = [ui.figure_grid(cells, narrowest=400)]
+            self.shown[:] = [ui.figure_grid(cells, narrowest=310)]
         self.streams_card.say(classifier.streams_sentence(self.streams, self._ready(), *self.selected))
 
     def _tapped(self, event: Tap) -> None:

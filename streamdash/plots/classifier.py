@@ -14,13 +14,15 @@ from streamdash.classifier_data import LabelledStreams, read_streams
 from streamdash.classifier_model import BEST, ClassifierConfig, paper_scores
 from streamdash.config import EnsembleConfig, parse_mass_range
 from streamdash.plots.elements import GREY, error_bars, framed, line, points
-from streamdash.plots.live import TOOLS, Backend, use
+from streamdash.plots.live import TOOLS, Backend, Columns, use
 from streamdash.plots.style import COORDINATE_LABELS, INK, class_colour, mass_text
 from streamdash.scores import calibration, roc
 from streamdash.store import Cache
 
+SELECTED = "selected"
+_CORNERS = ("left", "bottom", "right", "top")
 METRICS = {"precision": "Precision", "recall": "Recall", "f1": "F₁", "accuracy": "Accuracy", "auc": "AUC"}
-SHOWN_STREAMS = 6
+SHOWN_STREAMS = 4
 """Streams of a cell that are drawn, the least certain first."""
 
 
@@ -84,8 +86,8 @@ def draw_matrix(
     words = hv.Labels(texts, ["x", "y"], ["text", "ink"], label="words")
     parts: list[hv.Element] = [_styled(squares, words, backend)]
     if selected is not None:
-        i, j = selected
-        frame = hv.Rectangles([(j - 0.48, -i - 0.46, j + 0.48, -i + 0.46)], label="selected")
+        columns = selected_columns(*selected)[SELECTED]
+        frame = hv.Rectangles([tuple(column[0] for column in columns.values())], label=SELECTED)
         parts.append(_framed_cell(frame, backend, dark))
     names = class_names(judged.classifier.card.labels)
     overlay = framed(
@@ -104,6 +106,12 @@ def draw_matrix(
     if backend == "bokeh":
         return overlay.opts(**ticks, tools=[], default_tools=[], toolbar=None, height=90 + 90 * n_classes)
     return overlay.opts(**ticks, aspect=1.3)
+
+
+def selected_columns(truth: int, taken_for: int) -> Columns:
+    """New data of the matrix in the browser when another cell is looked into."""
+    ends = (taken_for - 0.48, -truth - 0.46, taken_for + 0.48, -truth + 0.46)
+    return {SELECTED: {name: np.array([end]) for name, end in zip(_CORNERS, ends, strict=True)}}
 
 
 def _styled(squares: hv.Rectangles, words: hv.Labels, backend: Backend) -> hv.Overlay:

@@ -7,20 +7,26 @@ import time
 
 import numpy as np
 import pytest
+from bokeh.document import Document
 from bokeh.events import Tap
+from bokeh.io.doc import set_curdoc
 
 from app.training import settings_of
 from app.work import Task, Watch, Work
 from streamdash.classifier_data import Cancelled
 from streamdash.classifier_model import BEST, PAPER
+from streamdash.plots.classifier import SHOWN_STREAMS
 
 TWO = "?page=classifier&mass=1e3-1e5,1e5-1e9&preset=paper&n_pca=8&features=pca"
 
 
 @pytest.fixture(autouse=True)
 def models(tmp_path_factory, monkeypatch):
-    """Trained models go to a folder of the tests' own."""
+    """Trained models go to a folder of the tests' own; figures are let go of after each test."""
     monkeypatch.setenv("STREAMDASH_MODELS", str(tmp_path_factory.getbasetemp() / "models"))
+    yield
+    # Outside a server HoloViews ties its figures to Bokeh's one default document.
+    set_curdoc(Document())
 
 
 def settle(page, seconds: float = 120) -> None:
@@ -87,8 +93,10 @@ def test_a_click_shows_the_streams_of_the_cell_and_is_in_the_link(open_shell):
     settle(page)
     page._tapped(Tap(None, x=1.2, y=-0.9))
     assert page.selected == (1, 1) and "cell=4" in shell.session.search
+    frame = page.live.sources["selected"].data
+    assert frame["left"][0] < 1 < frame["right"][0] and frame["bottom"][0] < -1 < frame["top"][0]
     assert "put right" in page.streams_card._sentence.text
-    assert len(page.shown[0].objects) == 6
+    assert len(page.shown[0].objects) == SHOWN_STREAMS
     page._tapped(Tap(None, x=7.0, y=3.0))
     assert page.selected == (1, 1)
 
