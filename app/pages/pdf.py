@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from typing import Any
 
 from bokeh.events import Tap
@@ -34,7 +35,7 @@ class PdfPage(Page):
         self.live = LiveFigure(pdf.draw(self.data, chosen, "bokeh", self.selected), ink=(pdf.SELECTED,))
         self.live_y = LiveFigure(pdf.draw_y(self.data, self.selected, chosen, "bokeh"))
         self.live.set_ink(self.session.theme == "dark")
-        self.live.figure.on_event(Tap, self._tapped)
+        self._listen()
         self.slider = ui.number_slider("Bin α", 1, self.n_bin, self.selected + 1, "alpha")
         self.slider.param.watch(self._slid, "value")
         classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
@@ -146,6 +147,17 @@ class PdfPage(Page):
     def _y_figure(self) -> Any:
         title = f"α = {self.selected + 1}"
         return pdf.draw_y(self.data, self.selected, configs(self.session), "matplotlib", title)
+
+    def _listen(self) -> None:
+        """Hear clicks on the figure, without keeping the page alive: Bokeh never forgets a listener."""
+        tapped = weakref.WeakMethod(self._tapped)
+
+        def hear(event: Tap) -> None:
+            method = tapped()
+            if method is not None:
+                method(event)
+
+        self.live.figure.on_event(Tap, hear)
 
     def _tapped(self, event: Tap) -> None:
         low, high = self.data.edges[[0, -1]]

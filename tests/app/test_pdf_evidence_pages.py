@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import io
+import weakref
 
 import numpy as np
 import pytest
@@ -199,3 +201,12 @@ def test_growth_has_converging_numbers_of_streams(open_shell):
     (curve,) = page.curves.values()
     assert curve.n_streams[-1] == 2000
     assert "2000 streams" in page.growth_card._sentence.text
+
+
+@pytest.mark.parametrize("query", [PDF, EVIDENCE])
+def test_a_page_that_was_left_is_freed(open_shell, query):
+    shell = open_shell(query)
+    page = weakref.ref(shell.page)
+    shell.session.page = "profiles"
+    gc.collect()
+    assert page() is None
