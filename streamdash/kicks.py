@@ -27,7 +27,9 @@ PAD = 12
 """Entries of a kick table below θ = 0, where the kick is continued linearly: there is no
 star there, but the phase-space density is interpolated across the progenitor's edge."""
 MAX_NODES = 4000
-"""Most nodes on either side of one impact."""
+"""Room for nodes on either side of one impact."""
+FINEST = 1e-3
+"""Finest spacing of kick nodes, in units of the kick's scale; some 2,600 a side."""
 GROWTH = 0.35
 """Coarsest spacing of kick nodes, as a fraction of the distance from the impact."""
 PER_SCALE = 8
@@ -185,7 +187,7 @@ def _add_impact(table, end, step, moments, theta0, b, w, gm, r_s, hernquist, tol
     response = math.sqrt(row[6] ** 2 + row[7] ** 2 + row[8] ** 2)
     peak = 2.0 * gm * response / (speed * math.sqrt(b * b + r_s * r_s))
     limit = STEP_MAX if peak > 50.0 * tolerance else 1e9
-    fineness = math.sqrt(12.0 * tolerance / peak)
+    fineness = max(math.sqrt(12.0 * tolerance / peak), FINEST)
     behind = _place_nodes(theta0, scale, fineness, limit, nodes[:MAX_NODES])
     for j in range(behind):  # placed outwards from the impact; wanted in order of angle
         nodes[j] = theta0 - nodes[j]

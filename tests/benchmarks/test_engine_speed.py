@@ -53,6 +53,7 @@ def test_streams(benchmark, geometry, mass_range):
     report(
         f"{mass_range}: {per_stream:.1f} ms a stream (best round; median "
         f"{1e3 * benchmark.stats.stats.median / STREAMS:.1f}), worst point {error.max():.1e}, "
+        f"{100 * (error > 2e-3).mean():.3f} % of points beyond 2e-3, "
         f"rms {np.sqrt((error**2).mean()):.1e} of the smooth density"
     )
     benchmark.extra_info.update(ms_per_stream=per_stream, worst=float(error.max()))
