@@ -23,7 +23,7 @@ THREE_CLASSES = "1e3-1e5,1e5-1e7,1e7-1e9"
 # One move: from the key being pressed to the frame in which all figures have painted new data.
 WATCH = """
 (only) => {
-  const wanted = f => f.left.some(axis => (axis.axis_label ?? "").includes(only))
+  const wanted = f => f.left.some(axis => (axis.axis_label ?? "").startsWith(only))
   const views = sd.figures().filter(wanted).map(sd.view).filter(v => v != null)
   const sources = new Map()
   for (const view of views) {
@@ -79,7 +79,7 @@ def main() -> None:
     parser.add_argument("--slider", default="noise", help="name of the slider: its class is sd-NAME")
     parser.add_argument("--mass", default=THREE_CLASSES, help="mass ranges, as in a link")
     parser.add_argument(
-        "--only", default="", help="watch figures whose vertical axis label contains this; default all"
+        "--only", default="", help="watch figures whose vertical axis label starts so; default all"
     )
     parser.add_argument("--moves", type=int, default=60)
     parser.add_argument("--cache", type=Path, default=ROOT / "cache")

@@ -19,7 +19,7 @@ COLUMNS = """
 ([axis, names]) => {
   const get = (source, name) => source.data.get ? source.data.get(name) : source.data[name]
   return sd.figures()
-    .filter(f => f.left.some(a => (a.axis_label ?? "").includes(axis)))
+    .filter(f => f.left.some(a => (a.axis_label ?? "").startsWith(axis)))
     .flatMap(f => sd.renderers(f).map(r => r.data_source))
     .filter(s => names.every(n => get(s, n) !== undefined))
     .map(s => names.map(n => Array.from(get(s, n))))
@@ -28,7 +28,7 @@ COLUMNS = """
 # Where a point of a figure is on the screen.
 PLACE = """
 ([axis, x, y]) => {
-  const figure = sd.figures().find(f => f.left.some(a => (a.axis_label ?? "").includes(axis)))
+  const figure = sd.figures().find(f => f.left.some(a => (a.axis_label ?? "").startsWith(axis)))
   const view = sd.view(figure)
   const box = view.el.getBoundingClientRect()
   const frame = view.frame
