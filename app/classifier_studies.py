@@ -161,7 +161,7 @@ def studies_of(
                 "draw_grid(grid, 'matplotlib')",
                 "tuning",
             ),
-            (("line", "one line per depth, darker is deeper"), ("dots", "chosen")),
+            (("line", "one line per depth, stronger is deeper"), ("dots", "chosen")),
             lambda grid: ui.button(
                 "Use these", lambda: use_grid(session, grid), css_classes=["sd-use-tuning"]
             ),

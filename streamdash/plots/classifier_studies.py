@@ -166,7 +166,7 @@ def grid_sentence(grid: Grid) -> str:
     chosen = grid.settings.boosting
     best = np.unravel_index(grid.accuracy.argmax(), grid.accuracy.shape)
     return (
-        f"Darker lines are deeper trees. Highest accuracy {100 * grid.accuracy[best]:.1f} ± "
+        f"Stronger lines are deeper trees. Highest accuracy {100 * grid.accuracy[best]:.1f} ± "
         f"{100 * grid.error[best]:.1f} % at max_depth = {grid.depths[best[0]]}, n_estimators = "
         f"{grid.n_trees[best[1]]}; the simplest model within one error of it, large dot, has max_depth = "
         f"{chosen.max_depth} and n_estimators = {chosen.n_estimators}."
