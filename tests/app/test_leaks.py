@@ -74,8 +74,9 @@ def use_and_close(address: str) -> None:
 
 @pytest.mark.slow
 def test_sessions_that_end_are_freed(address):
+    others = alive()  # what earlier tests of this process have not let go of
     use_and_close(address)
-    wait_until(lambda: alive()["Shell"] == 0)
+    wait_until(lambda: alive()["Shell"] <= others["Shell"])
     before = alive()
     for _ in range(SESSIONS):
         use_and_close(address)
@@ -85,7 +86,7 @@ def test_sessions_that_end_are_freed(address):
         return all(now[kind] <= before[kind] for kind in before)
 
     assert wait_until(freed), f"alive before {before}, after {SESSIONS} sessions {alive()}"
-    assert all(count == 0 for kind, count in before.items() if kind != "Document")
+    assert all(count <= others[kind] for kind, count in before.items() if kind != "Document")
 
 
 def test_a_page_does_not_follow_the_busy_flag_of_the_process():
