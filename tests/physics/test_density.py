@@ -63,7 +63,8 @@ def test_worst_point_of_many_impacts_against_brute_force(geometry, mass_range, s
     brute, brute_omega = march(geometry, impacts, angles, steps=2500, spacing=2e-5)
     smooth = geometry.smooth_density(angles)
     assert np.abs((density - brute) / smooth).max() < 2e-3
-    assert omega == pytest.approx(brute_omega, rel=2e-3)
+    # In units of the smooth stream's, like the density: the mean itself can come near zero.
+    assert np.abs((omega - brute_omega) / geometry.smooth_omega(angles)).max() < 5e-4
 
 
 def test_order_of_impacts_does_not_matter(geometry):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import resource
@@ -271,20 +272,26 @@ def test_a_read_only_folder_is_read_and_refused_in_a_sentence(toy, public_dir, t
     )
 
 
-@pytest.fixture
+@contextlib.contextmanager
 def no_large_files():
-    """The operating system refuses files beyond 5 kB, as a full disk refuses any."""
+    """The operating system refuses files beyond 5 kB, as a full disk refuses any.
+
+    Not for the whole test: the file that the test run itself is written to may be larger.
+    """
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (5000, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_when_writing_fails_half_way_what_was_finished_stays(toy, cache, no_large_files):
+def test_when_writing_fails_half_way_what_was_finished_stays(toy, cache):
     flat, noise = np.ones((50, 64)), np.random.default_rng(0).uniform(1, 2, (50, 64))
     with cache.begin(toy.CONFIG, toy.BACKGROUND) as writer:
         writer.write(0, flat, flat, np.ones(50))
-        with pytest.raises(StoreError, match="Cannot write to the cache .*: .* before is kept"):
+        refused = pytest.raises(StoreError, match="Cannot write to the cache .*: .* before is kept")
+        with refused, no_large_files():
             writer.write(1, noise, noise, np.ones(50))
         assert writer.missing() == [1, 2]
         writer.write(2, flat[:20], flat[:20], np.ones(20))
