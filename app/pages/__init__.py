@@ -64,6 +64,7 @@ from app.pages.classifier import ClassifierPage
 from app.pages.evidence import EvidencePage
 from app.pages.pdf import PdfPage
 from app.pages.profiles import ProfilesPage
+from app.pages.spectrum import SpectrumPage
 
-PAGES: tuple[type[Page], ...] = (ProfilesPage, PdfPage, EvidencePage, ClassifierPage)
+PAGES: tuple[type[Page], ...] = (ProfilesPage, PdfPage, EvidencePage, ClassifierPage, SpectrumPage)
 """All pages, in the navigation's order."""

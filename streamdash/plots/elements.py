@@ -137,10 +137,13 @@ def framed(
     y: tuple[float, float],
     backend: Backend,
     title: str = "",
+    log: bool = False,
 ) -> hv.Overlay:
-    """Elements over one another in a frame of fixed ranges."""
+    """Elements over one another in a frame of fixed ranges, linear or logarithmic on both axes."""
     overlay = hv.Overlay(list(parts))
     both = {
+        "logx": log,
+        "logy": log,
         "xlabel": xlabel,
         "ylabel": ylabel,
         "xlim": x,
