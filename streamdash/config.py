@@ -178,7 +178,7 @@ class Accuracy(Config):
     frequency_tolerance: Finite = Field(
         0.02, ge=1e-6, le=1, description="frequencies are refined where interpolation may err by more"
     )
-    kick_spacing: Finite = Field(2e-4, ge=1e-5, le=0.01, description="finest spacing of kicks, rad")
+    kick_spacing: Finite = Field(1.5e-4, ge=1e-5, le=0.01, description="finest spacing of kicks, rad")
     kick_tolerance: Finite = Field(
         3e-5, ge=1e-7, le=0.1, description="largest error of one kick, in units of the dispersion"
     )

@@ -1,14 +1,7 @@
 """Velocity kicks of subhalos and what they do to the parallel frequencies of a stream.
 
-The impulse approximation on a curved stream: the star at x moving with v, passed by a
-subhalo of mass M and scale r_s moving with w at impact parameter b of the stream point
-(x0, v0), is kicked by
-
-    δv = -(2 G M / |w - v|) F(B) B,    B = (b b̂ + x - x0) without its part along w - v,
-
-with b̂ = w × v0 / |w × v0| and F(B) = 1/(B² + r_s²) for a Plummer sphere, and
-F = (1 - X(u)) / (B² - r_s²), u = B/r_s, for a Hernquist one (X from Hernquist 1990, eq. 33).
-The frequency kick is δΩ∥ = L·δv with L from the geometry (BES17 §2.2).
+The frequency kick of a flyby is δΩ∥ = L·δv, with the velocity kick δv from
+`streamdash.kicks_impulse` and L from the geometry (BES17 §2.2).
 """
 
 from __future__ import annotations
@@ -22,102 +15,21 @@ from numba import njit
 from streamdash.config import Accuracy
 from streamdash.geometry import R0_KPC, TABLE_STEP, V0_KMS, Geometry
 from streamdash.impacts import Impacts, time_index
+from streamdash.kicks_impulse import gravity, impulse
 
 PAD = 12
 """Entries of a kick table below θ = 0, where the kick is continued linearly: there is no
 star there, but the phase-space density is interpolated across the progenitor's edge."""
-MAX_NODES = 4000
+MAX_NODES = 12000
 """Room for nodes on either side of one impact."""
 FINEST = 1e-3
-"""Finest spacing of kick nodes, in units of the kick's scale; some 2,600 a side."""
-GROWTH = 0.35
+"""Finest spacing of kick nodes, in units of the kick's scale; some thousands a side."""
+SLOWEST = 0.1
+"""The stream is taken to cross a subhalo's path at no smaller sine than this."""
+GROWTH = 0.5
 """Coarsest spacing of kick nodes, as a fraction of the distance from the impact."""
-ENTRIES = 2
-"""Entries of a kick table per `Accuracy.kick_spacing`: with one, 4 of 9,600 points of sampled
-streams were off by more than 2·10⁻³ (up to 3.8·10⁻³); with two, none was."""
-PER_SCALE = 8
-"""Entries of a kick table per scale of the smallest kick in it."""
-COARSEST = 5
-"""Coarsest spacing of a kick table, in units of the finest."""
-STEP_MAX = 0.02
-"""Coarsest spacing of kick nodes in rad (~0.4 kpc): a curved stream can come near the
-subhalo's path a second time, away from the impact."""
-
-
-def gravity() -> float:
-    """G · 1 M☉ in natural units."""
-    from galpy.util import conversion
-
-    return 1.0 / float(conversion.mass_in_msol(V0_KMS, R0_KPC))
-
-
-@njit(cache=True, error_model="numpy")
-def hernquist_factor(u: float) -> float:
-    """(1 - X(u)) / (u² - 1) of the Hernquist kick; regular (1/3) at u = 1."""
-    t = 1.0 - u * u
-    if abs(t) < 0.05:
-        return 1 / 3 + t * (1 / 5 + t * (1 / 7 + t * (1 / 9 + t * (1 / 11 + t * (1 / 13 + t / 15)))))
-    if t > 0.0:
-        return (math.log((1.0 + math.sqrt(t)) / u) / math.sqrt(t) - 1.0) / t
-    return (math.acos(1.0 / u) / math.sqrt(-t) - 1.0) / t
-
-
-@njit(cache=True, error_model="numpy")
-def _kick(px, py, pz, vx, vy, vz, wx, wy, wz, gm, r_s, hernquist):
-    """Kick of a star at offset p (from the subhalo's path point) moving with v."""
-    rx, ry, rz = wx - vx, wy - vy, wz - vz
-    speed2 = rx * rx + ry * ry + rz * rz
-    along = (px * rx + py * ry + pz * rz) / speed2
-    px, py, pz = px - along * rx, py - along * ry, pz - along * rz
-    distance2 = px * px + py * py + pz * pz
-    if hernquist:
-        u = max(math.sqrt(distance2) / r_s, 1e-30)
-        factor = hernquist_factor(u) / (r_s * r_s)
-    else:
-        factor = 1.0 / (distance2 + r_s * r_s)
-    scale = -2.0 * gm * factor / math.sqrt(speed2)
-    return scale * px, scale * py, scale * pz
-
-
-@njit(cache=True, error_model="numpy")
-def _impulse(v, x, offset, w, x0, gm, r_s, hernquist):
-    out = np.empty_like(v)
-    for i in range(len(v)):
-        px = offset[0] + x[i, 0] - x0[0]
-        py = offset[1] + x[i, 1] - x0[1]
-        pz = offset[2] + x[i, 2] - x0[2]
-        out[i] = _kick(px, py, pz, v[i, 0], v[i, 1], v[i, 2], w[0], w[1], w[2], gm, r_s, hernquist)
-    return out
-
-
-def velocity_kick(v, x, b, w, x0, v0, gm, r_s, profile="hernquist") -> np.ndarray:
-    """Velocity kicks along a curved stream, in any consistent units.
-
-    The same quantity as ``galpy.df.streamgapdf.impulse_deltav_{hernquist,plummer}_curvedstream``,
-    and finite also where galpy's Hernquist formula divides zero by zero (B = r_s).
-
-    Parameters
-    ----------
-    v, x : (n, 3) arrays
-        Velocities and positions along the stream.
-    b : float
-        Impact parameter; its sign chooses the side.
-    w : (3,) array
-        Velocity of the subhalo.
-    x0, v0 : (3,) arrays
-        Position and velocity of the stream at closest approach.
-    gm, r_s : float
-        G times mass, and scale radius.
-    profile : {"hernquist", "plummer"}
-
-    Returns
-    -------
-    (n, 3) array
-    """
-    normal = np.cross(w, v0)
-    offset = b * normal / np.linalg.norm(normal)
-    arrays = [np.ascontiguousarray(a, dtype=float) for a in (np.atleast_2d(v), np.atleast_2d(x), w, x0)]
-    return _impulse(arrays[0], arrays[1], offset, arrays[2], arrays[3], gm, r_s, profile == "hernquist")
+STREAM_SCALE = 0.3
+"""Angle in rad over which the stream's own direction, and so its response to a kick, turns."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -130,43 +42,53 @@ def _look_up(table, theta, row):
 
 
 @njit(cache=True, error_model="numpy")
-def _frequency_kick(row, offset, x0, w, gm, r_s, hernquist):
-    dx, dy, dz = _kick(
-        offset[0] + row[0] - x0[0],
-        offset[1] + row[1] - x0[1],
-        offset[2] + row[2] - x0[2],
-        row[3],
-        row[4],
-        row[5],
-        w[0],
-        w[1],
-        w[2],
-        gm,
-        r_s,
-        hernquist,
-    )
-    return row[6] * dx + row[7] * dy + row[8] * dz
+def _follow(table, theta0, length, start, w, gm, r_s, hernquist, rate, fineness, knot, row, nodes, kicks):
+    """Evaluate an impact's δΩ∥ from θ0 on for `length` (backwards if negative); how many nodes.
 
-
-@njit(cache=True, error_model="numpy")
-def _place_nodes(length, scale, fineness, limit, out):
-    """Distances from the impact, from 0 to length, at which to evaluate its kick.
-
-    A kick falls as 1/y beyond its scale s, so its curvature falls as 1/y³, and a spacing
-    ∝ (s² + y²)^¾ keeps the error of linear interpolation the same everywhere.
+    At distance B from the subhalo's path, softened to r² = B² + r_s², a kick falls as 1/r, so
+    its curvature as 1/r³, and a spacing ∝ r^1.5 keeps the error of linear interpolation the
+    same everywhere; also where a curved stream comes near the path a second time. `rate` is
+    that of B along the stream (length/rad): an upper limit at first, then as measured. The
+    stream's own response is kinked at multiples of `knot`, which are evaluated too.
     """
-    y, n = 0.0, 0
-    while y < length and n < len(out) - 1:
-        out[n] = y
+    slowest = SLOWEST * rate
+    y, n, step, r0 = 0.0, 0, 0.0, 0.0
+    cx, cy, cz = 0.0, 0.0, 0.0
+    while True:
+        nodes[n] = theta0 + y
+        _look_up(table, nodes[n], row)
+        bx, by, bz, scale = impulse(
+            start[0] + row[0], start[1] + row[1], start[2] + row[2],
+            row[3], row[4], row[5], w[0], w[1], w[2], gm, r_s, hernquist,
+        )  # fmt: skip
+        kicks[n] = scale * (row[6] * bx + row[7] * by + row[8] * bz)
         n += 1
-        r = math.sqrt(scale * scale + y * y)
-        y += min(GROWTH * r, fineness * r * math.sqrt(r / scale), limit)
-    out[n] = length
-    return n + 1
+        if y == length:
+            return n
+        r = math.sqrt(bx * bx + by * by + bz * bz + r_s * r_s)
+        if n == 1:
+            r0 = r
+        else:
+            rate = max(math.sqrt((bx - cx) ** 2 + (by - cy) ** 2 + (bz - cz) ** 2) / step, slowest)
+        cx, cy, cz = bx, by, bz
+        step = min(GROWTH * r / rate, fineness * math.sqrt(r / r0) * min(r / rate, STREAM_SCALE))
+        before = y
+        if n == MAX_NODES - 1:
+            y = length
+        elif length > 0.0:
+            next_knot = (math.floor(nodes[n - 1] / knot + 1e-9) + 1.0) * knot
+            y = min(y + step, next_knot - theta0, length)
+        else:
+            next_knot = (math.ceil(nodes[n - 1] / knot - 1e-9) - 1.0) * knot
+            y = max(y - step, next_knot - theta0, length)
+        step = abs(y - before)
 
 
 @njit(cache=True, error_model="numpy")
-def _add_impact(table, end, step, moments, theta0, b, w, gm, r_s, hernquist, tolerance, row, nodes, kicks):
+def _add_impact(
+    table, end, knot, step, moments, theta0, b, w, gm, r_s, tangent, peak, hernquist, tolerance, row,
+    nodes, kicks,
+):  # fmt: skip
     """Add one impact's δΩ∥(θ), piecewise linear between graded nodes, to `moments`.
 
     A change of slope Δ at node y adds
@@ -179,30 +101,20 @@ def _add_impact(table, end, step, moments, theta0, b, w, gm, r_s, hernquist, tol
     v0 = row[3:6].copy()
     nx, ny, nz = w[1] * v0[2] - w[2] * v0[1], w[2] * v0[0] - w[0] * v0[2], w[0] * v0[1] - w[1] * v0[0]
     norm = b / math.sqrt(nx * nx + ny * ny + nz * nz)
-    offset = np.array([nx * norm, ny * norm, nz * norm])
-    i = min(int(theta0 / TABLE_STEP), len(table) - 2)
-    tangent = 0.0
-    for c in range(3):
-        tangent += ((table[i + 1, c] - table[i, c]) / TABLE_STEP) ** 2
-    scale = math.sqrt(b * b + r_s * r_s) / math.sqrt(tangent)
-    # Largest |δΩ∥| of the kick, to choose how finely it must be followed.
-    speed = math.sqrt((w[0] - v0[0]) ** 2 + (w[1] - v0[1]) ** 2 + (w[2] - v0[2]) ** 2)
-    response = math.sqrt(row[6] ** 2 + row[7] ** 2 + row[8] ** 2)
-    peak = 2.0 * gm * response / (speed * math.sqrt(b * b + r_s * r_s))
-    limit = STEP_MAX if peak > 50.0 * tolerance else 1e9
+    start = np.array([nx * norm - x0[0], ny * norm - x0[1], nz * norm - x0[2]])
     fineness = max(math.sqrt(12.0 * tolerance / peak), FINEST)
-    behind = _place_nodes(theta0, scale, fineness, limit, nodes[:MAX_NODES])
-    for j in range(behind):  # placed outwards from the impact; wanted in order of angle
-        nodes[j] = theta0 - nodes[j]
-    for j in range(behind // 2):
-        nodes[j], nodes[behind - 1 - j] = nodes[behind - 1 - j], nodes[j]
+    behind = _follow(
+        table, theta0, -theta0, start, w, gm, r_s, hernquist, tangent, fineness, knot, row, nodes, kicks
+    )
+    for j in range(behind // 2):  # found outwards from the impact; wanted in order of angle
+        k = behind - 1 - j
+        nodes[j], nodes[k] = nodes[k], nodes[j]
+        kicks[j], kicks[k] = kicks[k], kicks[j]
     # The impact itself, last behind, is first ahead.
-    n = behind - 1 + _place_nodes(end - theta0, scale, fineness, limit, nodes[behind - 1 :])
-    for j in range(behind - 1, n):
-        nodes[j] += theta0
-    for j in range(n):
-        _look_up(table, nodes[j], row)
-        kicks[j] = _frequency_kick(row, offset, x0, w, gm, r_s, hernquist)
+    n = behind - 1 + _follow(
+        table, theta0, end - theta0, start, w, gm, r_s, hernquist, tangent, fineness, knot, row,
+        nodes[behind - 1 :], kicks[behind - 1 :],
+    )  # fmt: skip
     moments[0, 3] += kicks[0]
     slope_a, flatter_a = 0.0, kicks[0]
     for j in range(n - 1):
@@ -261,9 +173,11 @@ def _bend(kicks, step, stride, out):
     """Largest |d²δΩ∥/dθ²| within a stretch of the table and its two neighbours."""
     n = len(out)
     local = np.zeros(n)
-    for i in range(PAD, len(kicks) - 4):
-        j = (i - PAD) // stride
-        local[j] = max(local[j], abs(kicks[i - 1] - 2.0 * kicks[i] + kicks[i + 1]) / (step * step))
+    for j in range(n):
+        largest = np.float32(0.0)
+        for i in range(PAD + j * stride, min(PAD + (j + 1) * stride, len(kicks) - 4)):
+            largest = max(largest, abs(kicks[i - 1] - kicks[i] + (kicks[i + 1] - kicks[i])))
+        local[j] = largest / (step * step)
     for j in range(n):
         out[j] = max(local[max(j - 1, 0)], local[j], local[min(j + 1, n - 1)])
 
@@ -329,11 +243,13 @@ def kick_tables(
     hit = np.unique(index)
     times = geometry.times[hit]
     ends = geometry.table_ends[hit]
-    step = _table_steps(geometry, impacts, index, hit, accuracy)
+    tolerance = accuracy.kick_tolerance * geometry.sigma_omega
+    scale, tangent, peak = _shapes(geometry, impacts, index)
+    step = _table_steps(scale, peak, index, hit, accuracy.kick_spacing, tolerance)
     cells = np.ceil(ends / step).astype(np.int64)
     size = cells + PAD + 4
     start = np.concatenate([[0], np.cumsum(size)[:-1]]).astype(np.int64)
-    values = np.zeros(int(size.sum()))
+    values = np.empty(int(size.sum()), dtype=np.float32)
     order = np.argsort(index, kind="stable")
     first = np.searchsorted(index[order], hit)
     count = np.diff(np.append(first, len(order)))
@@ -346,39 +262,73 @@ def kick_tables(
             impacts.vz_kms / V0_KMS,
             impacts.mass_msun * gravity(),
             impacts.r_s_kpc / R0_KPC,
+            tangent,
+            peak,
         ],
         axis=1,
     )[order]
-    tolerance = accuracy.kick_tolerance * geometry.sigma_omega
     # One entry of curvature per distance between stars sampled at neighbouring frequencies.
     stride = np.maximum(1, np.rint(accuracy.frequency_step * geometry.sigma_omega * times / step)).astype(int)
     bend_size = cells // stride + 2
     bend_start = np.concatenate([[0], np.cumsum(bend_size)[:-1]])
     bends = np.zeros(int(bend_size.sum()))
+    moments = np.empty((cells.max(initial=0), 4))  # one for all: a new one each time costs 2 ms a stream
     for t, k in enumerate(hit):
         table = values[start[t] : start[t] + size[t]]
         here = columns[first[t] : first[t] + count[t]]
-        _fill(geometry.tables[k], ends[t], step[t], cells[t], here, profile == "hernquist", tolerance, table)
+        _fill(
+            geometry.tables[k],
+            ends[t],
+            geometry.node_theta[k, 1],
+            step[t],
+            moments[: cells[t]],
+            here,
+            profile == "hernquist",
+            tolerance,
+            table,
+        )
         _bend(table, step[t], stride[t], bends[bend_start[t] : bend_start[t] + bend_size[t]])
     return KickTables(times, start, size, step, values, bend_start, bend_size, stride * step, bends)
 
 
+def _shapes(geometry: Geometry, impacts: Impacts, index: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Of each impact: the scale of its kick (rad), the stream's length per angle there, and the
+    largest |δΩ∥| that it can cause near it (natural units)."""
+    entry = np.minimum((impacts.theta / TABLE_STEP).astype(int), geometry.tables.shape[1] - 2)
+    row = geometry.tables[index, entry]
+    tangent = np.linalg.norm(geometry.tables[index, entry + 1, :3] - row[:, :3], axis=1) / TABLE_STEP
+    w = np.stack([impacts.vx_kms, impacts.vy_kms, impacts.vz_kms], axis=1) / V0_KMS
+    distance = np.hypot(impacts.b_kpc, impacts.r_s_kpc) / R0_KPC
+    speed, response = np.linalg.norm(w - row[:, 3:6], axis=1), np.linalg.norm(row[:, 6:], axis=1)
+    return (
+        distance / tangent,
+        tangent,
+        2.0 * gravity() * impacts.mass_msun * response / (speed * distance),
+    )
+
+
 def _table_steps(
-    geometry: Geometry, impacts: Impacts, index: np.ndarray, hit: np.ndarray, accuracy: Accuracy
+    scale: np.ndarray, peak: np.ndarray, index: np.ndarray, hit: np.ndarray, finest: float, tolerance: float
 ) -> np.ndarray:
-    """Spacing of the table of each time in `hit`: fine enough for its sharpest kick."""
-    kpc_per_rad = geometry.arc_lengths[index, -1] / geometry.table_ends[index]
-    smallest = np.full(len(geometry.times), np.inf)
-    np.minimum.at(smallest, index, np.hypot(impacts.b_kpc, impacts.r_s_kpc) / kpc_per_rad)
-    finest = accuracy.kick_spacing / ENTRIES
-    return np.clip(smallest[hit] / PER_SCALE, finest, COARSEST * finest)
+    """Spacing of the table of each time in `hit`: interpolation in it errs by at most `tolerance`
+    (a kick of scale s and height P is curved by P/s²), as far as `finest` allows.
+
+    Narrower kicks than that are weak and are averaged, see `_finish`.
+    """
+    wanted = np.full(len(hit), np.inf)
+    np.minimum.at(wanted, np.searchsorted(hit, index), scale * np.sqrt(8.0 * tolerance / peak))
+    return np.clip(wanted, finest, max(finest, TABLE_STEP))
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _fill(table, end, step, cells, impacts, hernquist, tolerance, out):
+def _fill(table, end, knot, step, moments, impacts, hernquist, tolerance, out):
     row, nodes, kicks = np.empty(9), np.empty(2 * MAX_NODES), np.empty(2 * MAX_NODES)
-    moments = np.zeros((cells, 4))
+    moments[:] = 0.0
     for i in range(len(impacts)):
         theta, b, w, gm, r_s = impacts[i, 0], impacts[i, 1], impacts[i, 2:5], impacts[i, 5], impacts[i, 6]
-        _add_impact(table, end, step, moments, theta, b, w, gm, r_s, hernquist, tolerance, row, nodes, kicks)
+        tangent, peak = impacts[i, 7], impacts[i, 8]
+        _add_impact(
+            table, end, knot, step, moments, theta, b, w, gm, r_s, tangent, peak, hernquist, tolerance, row,
+            nodes, kicks,
+        )  # fmt: skip
     _finish(moments, end, step, out)

@@ -16,7 +16,8 @@ from streamdash.config import Accuracy, EnsembleConfig, Perturbers
 from streamdash.density import stream_profile, trace_back
 from streamdash.geometry import R0_KPC, V0_KMS, galpy_gap
 from streamdash.impacts import Impacts, sample_impacts
-from streamdash.kicks import gravity, kick_tables
+from streamdash.kicks import kick_tables
+from streamdash.kicks_impulse import gravity
 
 GRID = EnsembleConfig()
 THETA = np.linspace(GRID.theta_min, GRID.theta_max, GRID.n_theta)

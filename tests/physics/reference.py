@@ -12,7 +12,7 @@ from numba import njit, prange
 
 from streamdash.geometry import R0_KPC, TABLE_STEP, V0_KMS
 from streamdash.impacts import time_index
-from streamdash.kicks import gravity, velocity_kick
+from streamdash.kicks_impulse import gravity, velocity_kick
 
 
 def kick_grids(geometry, impacts, spacing, profile="hernquist"):

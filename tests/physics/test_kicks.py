@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from streamdash.config import Accuracy
-from streamdash.geometry import R0_KPC, V0_KMS
+from streamdash.geometry import R0_KPC, TABLE_STEP, V0_KMS
 from streamdash.impacts import Impacts
-from streamdash.kicks import PAD, gravity, hernquist_factor, kick_tables, velocity_kick
+from streamdash.kicks import PAD, kick_tables
+from streamdash.kicks_impulse import gravity, hernquist_factor, velocity_kick
 
 GALPY = {"hernquist": impulse_deltav_hernquist_curvedstream, "plummer": impulse_deltav_plummer_curvedstream}
 
@@ -95,6 +96,33 @@ def test_frequency_kick_equals_galpys(geometry, gap_at, profile, case):
     assert np.abs(tables.values[inside] - theirs).max() < 5e-3 * scale
 
 
+def on(tables, angles):
+    """The first time's kicks at `angles`."""
+    values = tables.values[: tables.size[0]]
+    return np.interp(angles, (np.arange(len(values)) - PAD + 0.5) * tables.step[0], values)
+
+
+@pytest.mark.parametrize("k", [4, 22, 40])
+def test_tables_are_kicks_evaluated_everywhere(geometry, k):
+    """However a flyby runs and the stream bends: massive ones, far and near, at every angle."""
+    rng = np.random.default_rng([3, k])
+    angles = np.arange(5, int(geometry.table_ends[k] / TABLE_STEP) - 5) * TABLE_STEP
+    row = geometry.tables[k, 5 : 5 + len(angles)]
+    for _ in range(20):
+        mass = 10 ** rng.uniform(6, 9)
+        r_s = 1.05 * np.sqrt(mass / 1e8)
+        theta, b, w = rng.choice(angles), 5 * r_s * rng.uniform(-1, 1), rng.normal(0, 150, 3)
+        at = geometry.tables[k, round(theta / TABLE_STEP)]
+        exact = velocity_kick(
+            row[:, 3:6], row[:, :3], b / R0_KPC, w / V0_KMS, at[:3], at[3:6], mass * gravity(), r_s / R0_KPC
+        )
+        exact = (row[:, 6:] * exact).sum(axis=1)
+        table = on(kick_tables(geometry, one(geometry, k, theta, b, w, mass, r_s)), angles)
+        error = np.abs(table - exact)
+        assert error.max() < max(1e-3 * geometry.sigma_omega, 1e-3 * np.abs(exact).max())
+        assert np.sqrt((error**2).mean()) < 1e-4 * geometry.sigma_omega
+
+
 def test_kicks_add(geometry):
     """Two halves at one place and time are one; a far coarser table keeps the integral."""
     whole = one(geometry, 30, 0.3, 0.05, (50.0, -90.0, 120.0), 1e6, 0.105)
@@ -102,7 +130,8 @@ def test_kicks_add(geometry):
     twice = Impacts(*(np.repeat(getattr(half, c), 2) for c in vars(half)))
     a, b = kick_tables(geometry, whole), kick_tables(geometry, twice)
     peak = np.abs(a.values).max()
-    assert np.abs(a.values - b.values).max() < 2e-3 * peak
+    angles = np.linspace(0.001, geometry.table_ends[30] - 0.001, 5000)  # the last entries: beyond all stars
+    assert np.abs(on(a, angles) - on(b, angles)).max() < 1e-3 * peak
     coarse = kick_tables(geometry, whole, accuracy=Accuracy(kick_spacing=0.01))
     inside, coarsely = (t.values[PAD:].sum() * t.step[0] for t in (a, coarse))
     scale = np.abs(a.values[PAD:]).sum() * a.step[0]
