@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
+import threading
 import time
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
@@ -150,24 +153,30 @@ def _simulate(
     scheduler: str | None,
     as_json: bool,
 ) -> None:
-    from streamdash.ensemble import WorkerError, simulate
+    from streamdash.ensemble import Stopped, WorkerError, simulate
 
     # After Ctrl-C, Python's resource tracker would warn about semaphores of the workers that were ended.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
     start = time.perf_counter()
     try:
-        with _dask_client(executor, scheduler), progress_bar() as titled, wrong_input():
+        with (
+            _dask_client(executor, scheduler),
+            progress_bar() as titled,
+            _ctrl_c() as asked,
+            wrong_input(),
+        ):
             simulate(
                 config,
                 executor,
                 workers,
                 cache,
                 progress=titled(f"Streams {config.perturbers.label}"),
+                should_stop=asked.is_set,
                 geometry_progress=titled("Geometry of the stream"),
             )
     except WorkerError as error:
         raise InputError(str(error)) from error
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Stopped):
         _say_interrupted(config, cache)
         raise typer.Exit(130) from None
     entry = cache.find(config.key)
@@ -187,6 +196,27 @@ def _simulate(
     else:
         took = duration(time.perf_counter() - start)
         print(f"{entry.n_done} streams of {entry.label} M☉ in {entry.path} ({took}).")
+
+
+@contextlib.contextmanager
+def _ctrl_c() -> Iterator[threading.Event]:
+    """An event that the first Ctrl-C sets; a second one interrupts at once.
+
+    An exception raised by a signal can come up where Python swallows it, as in a weak reference's
+    callback; and a chunk that is nearly finished is worth waiting for.
+    """
+    asked = threading.Event()
+
+    def stop(*_: object) -> None:
+        asked.set()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        messages.print("Stopping after the chunks that are being computed; Ctrl-C again stops at once.")
+
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _say_interrupted(config: EnsembleConfig, cache: Cache) -> None:

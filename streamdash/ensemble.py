@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import threading
 import time
 import warnings
@@ -238,7 +239,8 @@ def _compute(
             parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
             work = joblib.delayed(_work if backend == "loky" else compute_chunk)
             parent = (os.getpid(),) if backend == "loky" else ()
-            results = parallel(work(config, index, cache, *parent) for index in indices)
+            with _workers_spared_from_ctrl_c():
+                results = parallel(work(config, index, cache, *parent) for index in indices)
             try:
                 # Not `yield from`, which would close them before the warnings are off.
                 for chunk in results:  # noqa: UP028
@@ -252,6 +254,20 @@ def _compute(
             "A worker process was killed, perhaps for want of memory; what was finished is kept: "
             "run this again with fewer workers to resume."
         ) from error
+
+
+@contextlib.contextmanager
+def _workers_spared_from_ctrl_c() -> Generator[None]:
+    """Start processes that Ctrl-C on the terminal does not reach: the parent ends them, and a worker
+    that is still importing would print a traceback."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _begin(
