@@ -27,6 +27,8 @@ LEGEND_STYLE = """
 .grey { height: 10px; background: #80808040; }
 .frame { height: 8px; border: 2px solid currentColor; border-width: 0 2px; width: 12px; }
 .none { display: none; }
+.hand { height: 3px; background: #C77C00; }
+.dots-grey { height: 6px; width: 6px; border-radius: 3px; background: #808080; }
 .dots { height: 8px; border-radius: 4px; background: var(--classes); }
 """
 
@@ -83,7 +85,7 @@ def legend(entries: Sequence[tuple[str, str]], classes: int) -> pn.pane.HTML:
     ----------
     entries
         Kind of swatch and words; kinds are ``image``, ``band``, ``line``, ``ink``, ``dashes``,
-        ``grey``, ``frame``, ``dots`` and ``none``.
+        ``grey``, ``frame``, ``dots``, ``dots-grey``, ``hand`` (a fly-by chosen by hand) and ``none``.
         Bands, lines and dots show the colours of all classes.
     classes
         Number of classes shown.

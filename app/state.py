@@ -15,6 +15,8 @@ import param
 
 from app.catalog import CLASSES_MAX, CLASSES_MIN, Catalog
 from app.fields import Field, integer, number, option
+from app.state_learn import FIELDS as LEARN
+from app.state_learn import LearnState
 from streamdash.plots.style import COORDINATE_LABELS
 
 QUANTITIES = {"q_rho": "Qρ", "rho": "ρ", "omega": "⟨Ω∥⟩"}
@@ -42,11 +44,12 @@ FIELDS: dict[str, Field] = {
     "trees": integer(0, 2000),
     "cell": integer(0, CLASSES_MAX**2),
     "theme": option("default", "dark"),
+    **LEARN,
 }
 """Values that can be checked alone; ``page``, ``stream`` and ``mass`` need to know what exists."""
 
 
-class Session(param.Parameterized):
+class Session(LearnState):
     """One browser session's choices. Widgets bind to these; the URL follows them."""
 
     page = param.String("", doc="key of the page shown; empty: the first")

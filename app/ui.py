@@ -60,6 +60,7 @@ __all__ = [
     "error_state",
     "figure_cell",
     "figure_grid",
+    "folded",
     "int_slider",
     "legend",
     "message",
@@ -175,9 +176,8 @@ def _alert(sentences: Sequence[str], kind: str, css_class: str, **params: Any) -
 def slider(page: Page, name: str, label: str, step: float = 0.01, **params: Any) -> pmui.FloatSlider:
     """Slider of a session number with bounds; every move arrives, not only the last."""
     low, high = page.session.param[name].bounds
-    widget = pmui.FloatSlider(
-        label=label, start=low, end=high, step=step, format="0.00", **_sized(name, params)
-    )
+    choices = {"start": low, "end": high, "format": "0.00", **params}
+    widget = pmui.FloatSlider(label=label, step=step, **_sized(name, choices))
     _answer_at_once(widget)
     return page.bind(name, widget, to_session=lambda value: round(value, 3))
 
@@ -363,6 +363,19 @@ class FigureCard:
     def _list(self) -> None:
         if self._accordion.active:
             self._listing.object = f"<pre tabindex='0'><code>{html.escape(self._code())}</code></pre>"
+
+
+def folded(title: str, parts: Sequence[Viewable], name: str) -> Viewable:
+    """Controls that few need, closed until somebody opens them; ``sd-<name>`` is their class."""
+    return pmui.Accordion(
+        (title, pn.Column(*parts, sizing_mode=WIDE, margin=0)),
+        title_variant="body2",
+        disable_gutters=True,
+        sizing_mode=WIDE,
+        margin=(0, 4),
+        elevation=0,
+        css_classes=[f"sd-{name}"],
+    )
 
 
 def document(title: str, markdown: str, name: str) -> Viewable:

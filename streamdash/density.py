@@ -89,12 +89,21 @@ def stream_profile(
 
 
 def trace_back(
-    geometry: Geometry, kicks: KickTables, theta: np.ndarray, accuracy: Accuracy
+    geometry: Geometry, kicks: KickTables, theta: np.ndarray, accuracy: Accuracy, time: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Density and mean frequency at `theta` for given kicks; two (n,) arrays."""
+    """Density and mean frequency at `theta` for given kicks; two (n,) arrays.
+
+    Parameters
+    ----------
+    theta : (n,) array
+        Parallel angles of the stream as it was then, rad.
+    time : float, optional
+        Look at the stream as it was this long before today (natural units); the kicks must
+        be those of earlier impacts only, see `KickTables.before`.
+    """
     density, omega = np.empty(len(theta)), np.empty(len(theta))
-    # From today to each impact time, and on from the oldest to the start of disruption.
-    steps = np.diff(kicks.times, prepend=0.0, append=geometry.t_disrupt)
+    # From then to each impact time, and on from the oldest to the start of disruption.
+    steps = np.diff(kicks.times, prepend=time, append=geometry.t_disrupt)
     tables = (kicks.start, kicks.size, 1.0 / kicks.step, kicks.values)
     bends = (kicks.bend_start, kicks.bend_size, 1.0 / kicks.bend_step, kicks.bends)
     integrate_lines(

@@ -107,9 +107,13 @@ class Geometry:
             self.mean_omega - self.sigma_omega * special.ndtri(LENGTH_THRESHOLD)
         )
 
-    def smooth_density(self, theta: np.ndarray) -> np.ndarray:
-        """Unperturbed density ρ̄(θ), 1 near the progenitor (BES17 eq. 9)."""
-        return special.ndtr((self.mean_omega - np.asarray(theta) / self.t_disrupt) / self.sigma_omega)
+    def smooth_density(self, theta: np.ndarray, time: np.ndarray | float = 0.0) -> np.ndarray:
+        """Unperturbed density ρ̄(θ), 1 near the progenitor (BES17 eq. 9).
+
+        `time` before today is in natural units; the stream is then so much younger.
+        """
+        age = self.t_disrupt - time
+        return special.ndtr((self.mean_omega - np.asarray(theta) / age) / self.sigma_omega)
 
     def smooth_omega(self, theta: np.ndarray) -> np.ndarray:
         """Unperturbed mean parallel frequency ⟨Ω∥⟩(θ), natural units."""

@@ -20,6 +20,8 @@ from streamdash.kicks_impulse import gravity, impulse
 PAD = 12
 """Entries of a kick table below θ = 0, where the kick is continued linearly: there is no
 star there, but the phase-space density is interpolated across the progenitor's edge."""
+TIME_ROUNDING = 1e-9
+"""Times that differ by no more (natural units) are the same."""
 MAX_NODES = 12000
 """Room for nodes on either side of one impact."""
 FINEST = 1e-3
@@ -216,6 +218,25 @@ class KickTables:
         if not len(self.times):
             return 0.0
         return float(np.maximum.reduceat(np.abs(self.values), self.start).sum())
+
+    def before(self, time: float) -> KickTables:
+        """The kicks of impacts at `time` before today (natural units) and earlier."""
+        first = int(np.searchsorted(self.times, time - TIME_ROUNDING))
+        values, bends = (
+            at[first] if first < len(self.times) else len(array)
+            for at, array in ((self.start, self.values), (self.bend_start, self.bends))
+        )
+        return KickTables(
+            self.times[first:],
+            self.start[first:] - values,
+            self.size[first:],
+            self.step[first:],
+            self.values[values:],
+            self.bend_start[first:] - bends,
+            self.bend_size[first:],
+            self.bend_step[first:],
+            self.bends[bends:],
+        )
 
 
 def kick_tables(

@@ -62,9 +62,17 @@ from __future__ import annotations
 from app.pages.base import Page
 from app.pages.classifier import ClassifierPage
 from app.pages.evidence import EvidencePage
+from app.pages.learn import LearnPage
 from app.pages.pdf import PdfPage
 from app.pages.profiles import ProfilesPage
 from app.pages.spectrum import SpectrumPage
 
-PAGES: tuple[type[Page], ...] = (ProfilesPage, PdfPage, EvidencePage, ClassifierPage, SpectrumPage)
+PAGES: tuple[type[Page], ...] = (
+    ProfilesPage,
+    PdfPage,
+    EvidencePage,
+    ClassifierPage,
+    SpectrumPage,
+    LearnPage,
+)
 """All pages, in the navigation's order."""

@@ -14,7 +14,7 @@ MASS_UNIT = "M☉"
 COORDINATE_LABELS = {"theta": "θ∥ (rad)", "ell": "ℓ (deg)", "phi1": "φ₁ (deg)"}
 """Axis labels of the three coordinates along the stream."""
 
-_SUPERSCRIPT = str.maketrans("0123456789.", "⁰¹²³⁴⁵⁶⁷⁸⁹·")
+SUPERSCRIPT = str.maketrans("0123456789.", "⁰¹²³⁴⁵⁶⁷⁸⁹·")
 
 
 def class_colour(index: int) -> str:
@@ -27,7 +27,7 @@ def mass_text(mass_range: tuple[float, float]) -> str:
 
     def one(text: str) -> str:
         mantissa, exponent = text.split("e")
-        power = "10" + exponent.translate(_SUPERSCRIPT)
+        power = "10" + exponent.translate(SUPERSCRIPT)
         return power if mantissa == "1" else f"{mantissa}·{power}"
 
     low, high = mass_label(mass_range).split("-")

@@ -17,6 +17,7 @@ FLOW = [
     ["impacts"],
     ["kicks"],
     ["density"],
+    ["flyby"],
     ["ensemble"],
     ["jobs"],
     ["survey"],

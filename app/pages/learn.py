@@ -1,0 +1,47 @@
+"""Learn page: a story in six steps, a sandbox for one fly-by, and a quiz against the classifier."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import panel as pn
+from panel.viewable import Viewable
+
+from app import ui
+from app.learn_flyby import USES as FLYBY_USES
+from app.learn_flyby import FlybyLesson
+from app.pages.base import Page
+from app.state_learn import LESSONS
+
+MADE_BY = {"flyby": FlybyLesson}
+
+
+class LearnPage(Page):
+    """One of three lessons at a time."""
+
+    key, title = "learn", "Learn"
+    uses = FLYBY_USES | {"lesson"}
+
+    def view(self) -> Viewable:
+        self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.lesson: Any = None
+        self._open()
+        return ui.page_layout(ui.controls(ui.toggle(self, "lesson", "Learn by", LESSONS)), self.slot)
+
+    def update(self, changed: frozenset[str]) -> None:
+        if "lesson" in changed:
+            self._open()
+        elif self.lesson is not None:
+            self.lesson.update(changed)
+
+    def close(self) -> None:
+        if self.lesson is not None:
+            self.lesson.close()
+        super().close()
+
+    def _open(self) -> None:
+        """Build the lesson that is chosen."""
+        if self.lesson is not None:
+            self.lesson.close()
+        self.lesson = MADE_BY[self.session.lesson](self)
+        self.slot[:] = [self.lesson.view()]

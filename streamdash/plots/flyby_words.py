@@ -1,0 +1,132 @@
+"""What the figures of single fly-bys show, in words and as tables."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from streamdash.flyby import Film, Flyby, flyby_impacts
+from streamdash.geometry import TABLE_STEP, V0_KMS, Geometry, time_unit_gyr
+from streamdash.plots.style import MASS_UNIT, SUPERSCRIPT
+from streamdash.survey_flyby import Scene, Seen
+
+
+def film_table(shown: Film) -> pd.DataFrame:
+    """All frames as one table."""
+    n_frames, n_theta = shown.density.shape
+    return pd.DataFrame(
+        {
+            "gyr_before_today": np.repeat(shown.time_gyr, n_theta),
+            "theta_rad": np.tile(shown.theta, n_frames),
+            "density": shown.density.ravel(),
+            "smooth": shown.smooth.ravel(),
+            "q_rho": shown.q_rho.ravel(),
+        }
+    )
+
+
+def kick_table(kick: xr.Dataset) -> pd.DataFrame:
+    """Both kicks along the stream."""
+    names = {"theta": "theta_rad", "dv_along": "dv_along_kms", "dv_across": "dv_across_kms"}
+    return kick.to_dataframe().reset_index().rename(columns={**names, "d_omega": "d_omega_rad_per_gyr"})
+
+
+def seen_table(seen: Seen) -> pd.DataFrame:
+    """Today's profile per bin."""
+    return pd.DataFrame(
+        {
+            "ell_deg": seen.ell,
+            "q_rho": seen.clean,
+            "q_rho_noisy": seen.noisy,
+            "q_rho_in_hand_alone": seen.alone,
+        }
+    )
+
+
+def captions(shown: Film) -> list[str]:
+    """What is said of each frame."""
+    return [
+        f"{shown.time_gyr[0] - time:.2f} Gyr after the first fly-by · "
+        + (f"{time:.2f} Gyr before today" if time > 0 else "today")
+        for time in shown.time_gyr
+    ]
+
+
+def hand_sentence(geometry: Geometry, scene: Scene) -> str:
+    """The fly-by in hand, in numbers."""
+    flyby = scene.flybys[-1]
+    impact = flyby_impacts(geometry, [flyby])
+    w = np.array([impact.vx_kms[0], impact.vy_kms[0], impact.vz_kms[0]])
+    relative = float(np.linalg.norm(w - _star_velocity(geometry, flyby)))
+    which = f"Fly-by {len(scene.flybys)}, in hand" if len(scene.flybys) > 1 else "The fly-by in hand"
+    return (
+        f"{which}: {mass_words(flyby.mass_msun)} with scale radius r_s = {length_words(flyby.r_s_kpc)} "
+        f"passed the stream at {length_words(impact.b_kpc[0])}, with {relative:.0f} km/s relative to it, "
+        f"{impact.time_gyr[0]:.2f} Gyr before today, where θ∥ was {impact.theta[0]:.2f} rad."
+    )
+
+
+def _star_velocity(geometry: Geometry, flyby: Flyby) -> np.ndarray:
+    """Velocity (3,) of the stars that the fly-by meets, km/s."""
+    table = geometry.tables[flyby.time_index(geometry)]
+    return table[min(round(flyby.angle(geometry) / TABLE_STEP), len(table) - 1), 3:6] * V0_KMS
+
+
+def mass_words(mass: float) -> str:
+    """A mass for people, for example ``3.2·10⁷ M☉``."""
+    power = int(np.floor(np.log10(mass) + 1e-9))
+    return f"{mass / 10**power:.1f}·10{str(power).translate(SUPERSCRIPT)} {MASS_UNIT}"
+
+
+def length_words(kpc: float) -> str:
+    """A length for people, in kpc or pc."""
+    return f"{kpc:.2g} kpc" if kpc >= 1 else f"{1000 * kpc:.3g} pc"
+
+
+def film_sentence(shown: Film, frame: int) -> str:
+    """What the frame shows."""
+    q = shown.q_rho[frame]
+    lowest = int(np.nanargmin(q))
+    when = f"{shown.time_gyr[frame]:.2f} Gyr before today" if shown.time_gyr[frame] > 0 else "Today"
+    depth = 1 - float(q[lowest])
+    if depth < 0.005:
+        state = "the density is still that of a stream that nothing has hit: a kick takes time to open a gap."
+    else:
+        emptied = np.isfinite(q) & (q < 1 - 0.5 * depth)
+        width = float(emptied.sum() * (shown.theta[1] - shown.theta[0]))
+        state = (
+            f"the emptiest place is at θ∥ = {shown.theta[lowest]:.2f} rad, where {100 * depth:.0f} % of the "
+            f"stars are missing; {width:.2g} rad of the stream lack at least half as many. "
+            f"They have not vanished: they pile up beside it, up to Qρ = {np.nanmax(q):.2g}."
+        )
+    return f"{when}, {state}"
+
+
+def kick_sentence(geometry: Geometry, scene: Scene, kick: xr.Dataset) -> str:
+    """What the fly-by in hand did."""
+    flyby = scene.flybys[-1]
+    speed = float(np.linalg.norm(_star_velocity(geometry, flyby)))
+    strongest, turn = float(np.abs(kick.dv_along).max()), float(np.abs(kick.d_omega).max())
+    share = turn * time_unit_gyr() / geometry.mean_omega
+    return (
+        f"Along the stream, stars that move at {speed:.0f} km/s are sped up or slowed down by at most "
+        f"{strongest:.2g} km/s. Yet that changes the rate δΩ∥ at which they drift away from the progenitor "
+        f"by up to {turn:.2g} rad/Gyr, {100 * share:.2g} % of the mean drift, and it acts for "
+        f"{geometry.stream.impact_times_gyr[flyby.time_index(geometry)]:.2g} Gyr until today."
+    )
+
+
+def seen_sentence(seen: Seen) -> str:
+    """What is seen today."""
+    deepest = int(np.argmin(seen.clean))
+    depth = 1 - float(seen.clean[deepest])
+    words = f"Without noise the deepest bin, at ℓ = {seen.ell[deepest]:.1f}°, is {depth:.2g} below Qρ = 1"
+    if seen.noise > 0:
+        words += f": {depth / seen.noise:.2g} times the shot noise σ_ε = {seen.noise:g} of one bin"
+    if seen.n_impacts == 1:
+        return words + ". This is one fly-by alone."
+    return (
+        f"{words}. There are {seen.n_impacts} fly-bys; the one in hand (dashed) explains "
+        f"{100 * seen.share:.0f} % of the pattern."
+    )

@@ -1,0 +1,78 @@
+"""The Learn page in a real browser."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import Page, expect
+
+pytestmark = pytest.mark.browser
+FLYBY = "?page=learn&lesson=flyby"
+LONG_MS = 60_000
+SHOWN = """(label) => {
+  const data = sd.figures().find(f => f.left[0].axis_label.startsWith(label))
+    .renderers.filter(r => r.glyph.type === "Line").map(r => Array.from(r.data_source.data.y))
+  return data[data.length - 1]
+}"""
+
+
+def film(page: Page):
+    return page.locator(".sd-film")
+
+
+def frame(page: Page) -> int:
+    return int(film(page).get_attribute("data-frame") or -1)
+
+
+def sideways(page: Page) -> list[str]:
+    """Cards and controls that stick out to the right."""
+    return page.evaluate(
+        """() => [...document.querySelectorAll(".sd-card, .sd-controls")]
+             .filter(e => e.getBoundingClientRect().right > window.innerWidth + 1).map(e => e.className)"""
+    )
+
+
+def test_the_film_plays_pauses_and_scrubs_in_the_browser(tab):
+    watched = tab(f"{FLYBY}&frame=0")
+    page = watched.page
+    expect(page.locator(".sd-film-play")).to_be_enabled(timeout=LONG_MS)
+    before = page.evaluate(SHOWN, "ρ (1")
+    page.locator(".sd-film-play").click()
+    expect(film(page)).to_have_attribute("data-playing", "true")
+    page.wait_for_function("(f) => Number(f.dataset.frame) >= 15", arg=film(page).element_handle())
+    page.keyboard.press("Space")  # the button still has the focus
+    expect(film(page)).to_have_attribute("data-playing", "false")
+    paused = frame(page)
+    assert paused >= 15
+    page.wait_for_function(f"() => new URLSearchParams(location.search).get('frame') === '{paused}'")
+    after = page.evaluate(SHOWN, "ρ (1")
+    assert max(abs(a - b) for a, b in zip(after, before, strict=True)) > 0.05
+    page.locator(".sd-film-slider").focus()
+    page.keyboard.press("End")
+    expect(page.locator(".sd-film-caption")).to_contain_text("today")
+    expect(page.locator(".sd-card-film .sd-sentence .sd-live")).to_contain_text("Today", timeout=LONG_MS)
+    page.wait_for_function("() => !new URLSearchParams(location.search).has('frame')")
+    assert watched.complaints == []
+
+
+def test_another_mass_makes_another_film(tab):
+    page = tab(FLYBY).page
+    expect(page.locator(".sd-film-play")).to_be_enabled(timeout=LONG_MS)
+    sentence = page.locator(".sd-card-film .sd-sentence .sd-live")
+    expect(sentence).to_contain_text("Today", timeout=LONG_MS)
+    before, deepest = page.evaluate(SHOWN, "ρ (1"), sentence.inner_text()
+    page.locator(".sd-mass10 .MuiSlider-thumb input").first.focus()
+    for _ in range(3):
+        page.keyboard.press("ArrowRight")
+    expect(page.locator(".sd-hand .sd-live")).to_contain_text("1.8·10⁸ M☉", timeout=LONG_MS)
+    page.wait_for_function(
+        "(before) => JSON.stringify((" + SHOWN + ")('ρ (1')) !== JSON.stringify(before)", arg=before
+    )
+    expect(sentence).not_to_have_text(deepest, timeout=LONG_MS)
+
+
+@pytest.mark.parametrize("query", [f"{FLYBY}&theme=dark"])
+def test_nothing_sticks_out_on_a_phone(tab, query):
+    page = tab(query, width=390, height=844).page
+    expect(page.locator(".sd-card").first).to_be_visible(timeout=LONG_MS)
+    assert sideways(page) == []
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
