@@ -20,6 +20,7 @@ from streamdash.config import EnsembleConfig
 from streamdash.geometry import load_geometry
 from streamdash.store import Cache
 from streamdash.survey_bands import noise_draws
+from streamdash.survey_observed import measured
 
 TEST_SHARE = 0.25
 """Share of all streams kept for testing (paper §2.5)."""
@@ -55,6 +56,9 @@ class LabelledStreams:
         Centre of each bin in degrees (or in any other coordinate along the stream).
     n_impacts : tuple of ndarray (n_streams,), optional
         Subhalos that hit each stream; nothing is learnt from them, they explain mistakes.
+    fit : ndarray (n_bins, n_bins), optional
+        Where profiles are divided by a polynomial fitted to them, noise included: the matrix that
+        fits it (`streamdash.survey_observed.Design.fit`). `q` is then not divided yet.
 
     Raises
     ------
@@ -68,6 +72,7 @@ class LabelledStreams:
     keys: tuple[str, ...] = ()
     ell: np.ndarray = field(default_factory=lambda: np.zeros(0))
     n_impacts: tuple[np.ndarray, ...] = ()
+    fit: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if not self.keys:
@@ -113,13 +118,13 @@ class LabelledStreams:
 
     def observed(self, noise: float | np.ndarray) -> np.ndarray:
         """Every stream with its own fixed noise (n_total, n_bins), float32."""
-        return _noisy(self.clean, np.concatenate(self.draws), noise)
+        return measured(self.clean, np.concatenate(self.draws), noise, self.fit)
 
     @cached_property
     def digest(self) -> str:
         """Hash of everything in the sample: data, draws, labels, keys and bins."""
         sha = hashlib.sha256(repr((self.labels, self.keys, [q.shape for q in self.q])).encode())
-        for array in (*self.q, *self.draws, self.ell):
+        for array in (*self.q, *self.draws, self.ell, *([] if self.fit is None else [self.fit])):
             sha.update(np.ascontiguousarray(array).tobytes())
         return sha.hexdigest()
 
@@ -206,10 +211,5 @@ def augmented(
     rng = np.random.default_rng(list(seeds))
     for _ in range(copies - 1):
         fresh = rng.standard_normal((len(rows), sample.n_bins), dtype=np.float32)
-        parts.append(_noisy(sample.clean[rows], fresh, noise))
+        parts.append(measured(sample.clean[rows], fresh, noise, sample.fit))
     return np.concatenate(parts), np.tile(sample.y[rows], copies)
-
-
-def _noisy(clean: np.ndarray, draws: np.ndarray, noise: float | np.ndarray) -> np.ndarray:
-    """Profiles with noise of one level, or of one per bin."""
-    return clean + np.asarray(noise, np.float32) * draws

@@ -25,6 +25,7 @@ FLOW = [
     ["spectrum"],
     ["pdf", "features", "scores"],
     ["evidence", "classifier"],
+    ["verdict"],
     ["reproduce"],
     ["plots"],
     ["cli"],
