@@ -8,7 +8,9 @@ from typing import Annotated
 import typer
 
 from streamdash.cli_cache import cache_app
+from streamdash.cli_classify import classify_command
 from streamdash.cli_common import OneSentence
+from streamdash.cli_mock import mock_command
 from streamdash.cli_reproduce import reproduce_command
 from streamdash.cli_serve import serve_command
 from streamdash.cli_simulate import simulate_command
@@ -19,6 +21,8 @@ app.command("serve")(serve_command)
 app.command("simulate")(simulate_command)
 app.command("reproduce")(reproduce_command)
 app.command("stream")(stream_command)
+app.command("classify")(classify_command)
+app.command("mock")(mock_command)
 app.add_typer(cache_app, name="cache")
 
 

@@ -202,7 +202,9 @@ def _around(x: np.ndarray, width: float | None, name: str) -> tuple[np.ndarray, 
     if width is not None:
         return x - 0.5 * width, x + 0.5 * width
     if len(x) < 2:
-        raise ObservationError(f"One row is not a profile; at least {MIN_BINS} bins of “{shown(name)}” are needed.")
+        raise ObservationError(
+            f"One row is not a profile; at least {MIN_BINS} bins of “{shown(name)}” are needed."
+        )
     steps = np.diff(x)
     usual = float(np.median(steps))
     half = 0.5 * np.where(steps > GAP * usual, usual, steps)

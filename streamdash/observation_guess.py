@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -154,3 +155,23 @@ def _error(table: Table, value: str, errors: list[str], taken: list[str | None])
     if namesakes:
         return namesakes[0]
     return errors[0] if len(errors) == 1 else next((n for n in errors if n not in taken), None)
+
+
+def changed(assumptions: Assumptions, changes: Mapping[str, Any]) -> Assumptions:
+    """Assumptions with some of them replaced; what is None stays, what follows from a change does too.
+
+    A value of another kind brings the division that is usual for it, a named error column brings its
+    use, a constant error likewise, unless they are given themselves.
+
+    Raises
+    ------
+    ConfigError
+        When a value is not allowed; the sentence names the field.
+    """
+    given = {name: value for name, value in changes.items() if value is not None}
+    if "order" not in given and ("kind" in given or "smooth" in given):
+        ratio = given.get("kind", assumptions.kind) == "q_rho" or "smooth" in given
+        given["order"] = 0 if ratio else DEFAULT_ORDER
+    if "error_kind" not in given and ("error" in given or "constant" in given):
+        given["error_kind"] = "column" if "error" in given else "constant"
+    return Assumptions.parse(assumptions.model_dump() | given)

@@ -210,9 +210,7 @@ def learn(
     pdfs = learn_pdfs(streams.observed(design.sigma), streams.y, design.sigma, known, sets.test)
     steps.done(4 + N_MODELS)
     committee = _committee(judged, models, streams.observed(design.sigma)[sets.test])
-    return Prepared(
-        design, streams, divided(smooth, design.fit), tuple(models), committee, likeness, pdfs
-    )
+    return Prepared(design, streams, divided(smooth, design.fit), tuple(models), committee, likeness, pdfs)
 
 
 def judge(prepared: Prepared, observation: Observation) -> Verdict:

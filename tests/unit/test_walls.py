@@ -28,6 +28,7 @@ FLOW = [
     ["verdict"],
     ["reproduce"],
     ["plots"],
+    ["report"],
     ["cli"],
 ]
 """The library from left to right: a module imports from its own stage and from those before it.
