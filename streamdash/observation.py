@@ -13,6 +13,7 @@ import numpy as np
 
 from streamdash.geometry import Geometry
 from streamdash.observation_checks import (
+    RADIANS,
     check_errors,
     check_order,
     check_positions,
@@ -81,6 +82,7 @@ def read_observation(
     return table, interpret(table, assumptions or guess(table), geometry)
 
 
+@np.errstate(over="ignore", under="ignore", invalid="ignore", divide="ignore")
 def interpret(table: Table, assumptions: Assumptions, geometry: Geometry) -> Observation:
     """Turn a table into an observation, with stated assumptions.
 
@@ -173,7 +175,7 @@ def _bins(
     """Ends of the bin of each row (deg), on the turn that the simulated stretch is on."""
     x = table.column(a.position)[rows]
     middle = 0.5 * (limits[0] + limits[1])
-    turns = 360.0 * np.round((x.mean() - middle) / 360.0) if len(x) else 0.0
+    turns = 360.0 * np.round((x.mean() - middle) / 360.0) if np.abs(x).max() > RADIANS else 0.0
     if turns:
         notes.append(f"{turns:+.0f}° were taken off “{shown(a.position)}”, a full turn.")
     x = x - turns
@@ -259,20 +261,16 @@ def _values_and_errors(
         )
     elif a.kind == "counts":
         unit = width
-    with np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore"):
-        scaled = value / unit
-        scaled_error = None if error is None else error / unit
-        size = np.abs(scaled).mean()
+    scaled = value / unit
+    scaled_error = None if error is None else error / unit
+    if a.kind in ("density", "counts") and a.smooth is None:
         # Any unit will do; numbers around one keep every later step exact.
-        scaled, scaled_error = (
-            (scaled, scaled_error)
-            if a.kind in ("q_rho", "detrended")
-            else (scaled / size, None if scaled_error is None else scaled_error / size)
-        )
+        size = np.abs(scaled).mean()
+        scaled, scaled_error = scaled / size, None if scaled_error is None else scaled_error / size
     finite = np.isfinite(scaled).all() and (scaled_error is None or np.isfinite(scaled_error).all())
     if not finite or np.abs(scaled).max() > 1e6:
         raise ObservationError(
-            f"Column “{shown(a.value)}” spans too many orders of magnitude to be a density profile."
+            f"Column “{shown(a.value)}” holds values that no {KINDS[a.kind]} has; check its unit and kind."
         )
     return scaled, scaled_error
 
@@ -282,6 +280,11 @@ def _design(
 ) -> tuple[Design, np.ndarray]:
     """The design and the divided values; errors become relative to the smooth curve."""
     ratio = a.kind == "q_rho" or a.smooth is not None
+    if a.order == AS_IS and not ratio:
+        raise ObservationError(
+            f"“{shown(a.value)}” is {KINDS[a.kind]}, of which only the shape can be compared: choose the "
+            "order of the polynomial, 0 for the mean."
+        )
     quantity: Quantity = "q_rho" if ratio else "density"
     curve = np.ones(len(value))
     if a.order != AS_IS and a.kind != "detrended":

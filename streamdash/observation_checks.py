@@ -9,6 +9,8 @@ import numpy as np
 from streamdash.observation_guess import Assumptions, Kind
 from streamdash.observation_table import ObservationError, shown
 
+RADIANS = 7.0
+"""Positions that are all smaller than this are not degrees on the stream."""
 N_SIGMA = 3.0
 """How far below zero, in errors, a measured density may lie."""
 
@@ -64,7 +66,7 @@ def inside_window(
     name = shown(a.position)
     span = f"“{name}” runs from {low.min():.4g} to {high.max():.4g}"
     wanted = f"{words} = {limits[0]:.1f}° to {limits[1]:.1f}°"
-    if np.abs([low.min(), high.max()]).max() <= 7.0:
+    if np.abs([low.min(), high.max()]).max() <= RADIANS:
         raise ObservationError(f"{span}, which looks like radians: give degrees, {wanted}.")
     if high.min() >= limits[0] and low.max() <= limits[1]:
         raise ObservationError(f"{span}, but no bin lies wholly within the simulated stretch, {wanted}.")

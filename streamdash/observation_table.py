@@ -17,6 +17,9 @@ import numpy as np
 MAX_BYTES = 1_000_000
 MAX_ROWS = 5000
 MAX_COLUMNS = 64
+MAX_LINES = 4 * MAX_ROWS
+"""Ends of lines, comments and empty lines included; files for Windows have two a line."""
+TOO_LARGE = f"The file is larger than {MAX_BYTES / 1e6:g} MB; a profile has a few dozen rows."
 MAX_NAME = 40
 """Characters of a column's name that are kept."""
 MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "--", "...", "masked"})
@@ -95,14 +98,14 @@ def read_table(data: bytes) -> Table:
         raise ObservationError(f"The table has {len(rows)} rows; at most {MAX_ROWS} are read: average some.")
     cells = _split([text for _, text in rows])
     numbers = np.array([number for number, _ in rows])
+    if len(cells[0]) > MAX_COLUMNS:
+        raise ObservationError(f"The table has {len(cells[0])} columns; at most {MAX_COLUMNS} are read.")
     header = _is_header(cells[0], int(numbers[0]))
     given = cells[0] if header else _names_in_comment(comments, len(cells[0]))
     body, body_lines = (cells[1:], numbers[1:]) if header else (cells, numbers)
     if not body:
         raise ObservationError("The table has a header but no rows of numbers.")
     width = len(body[0])
-    if width > MAX_COLUMNS:
-        raise ObservationError(f"The table has {width} columns; at most {MAX_COLUMNS} are read.")
     if given is not None and len(given) != width:
         raise ObservationError(
             f"The header names {len(given)} columns, but line {body_lines[0]} has {width} values: make them "
@@ -121,16 +124,17 @@ def shown(text: str) -> str:
 
 def _text(data: bytes) -> str:
     if len(data) > MAX_BYTES:
-        raise ObservationError(
-            f"The file has {len(data) / 1e6:.1f} MB; at most {MAX_BYTES / 1e6:g} MB are read: a profile "
-            "has a few dozen rows."
-        )
+        raise ObservationError(TOO_LARGE)
     if not data.strip():
         raise ObservationError("The file is empty.")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise ObservationError("The file is UTF-16 text; save it as UTF-8.")
     if b"\x00" in data:
         raise ObservationError("The file is not text (it holds zero bytes); save the table as CSV.")
+    if data.count(b"\n") + data.count(b"\r") > MAX_LINES:
+        raise ObservationError(
+            f"The file has more than {MAX_LINES:,} lines; at most {MAX_ROWS} rows are read."
+        )
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -92,8 +92,8 @@ def answer(result: dict[str, Any]) -> str:
         )
     best = max(result["classes"], key=lambda c: c["probability"])
     right = (
-        f"with bins and errors like these the method is right for {percent(quality['accuracy'])} of simulated "
-        "streams"
+        f"with bins and errors like these the method is right for {percent(quality['accuracy'])} of "
+        "simulated streams"
     )
     others = " or ".join(name(c) for c in result["classes"] if c is not best)
     unusual = "Though an unusual profile for any class " if likeness["verdict"] == "unusual" else ""
@@ -207,8 +207,8 @@ def text(result: dict[str, Any]) -> str:
         lines.append(f"  true {label:{width}} " + "".join(f"{n:12d}" for n in row))
     lines.append(
         f"  right: {100 * quality['accuracy']:.1f} ± {100 * quality['accuracy_error']:.1f} %; calibration "
-        f"error {quality['calibration_error']:.3f}; PDF evidence alone: {100 * quality['pdf_accuracy']:.1f} % "
-        "right"
+        f"error {quality['calibration_error']:.3f}; PDF evidence alone: "
+        f"{100 * quality['pdf_accuracy']:.1f} % right"
     )
     for title, sentences in (("Assumed", result["assumptions"]), ("Mind", result["caveats"])):
         lines += ["", title, *(f"  - {sentence}" for sentence in sentences)]

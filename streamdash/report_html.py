@@ -16,7 +16,8 @@ from streamdash.verdict import Prepared
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
 table { border-collapse: collapse; margin: .5rem 0; } th, td { padding: .3rem .8rem; text-align: right; }
-th:first-child, td:first-child { text-align: left; } thead th { border-bottom: 1px solid #808080; }
+th:first-child, td:first-child { text-align: left; white-space: nowrap; }
+thead th { border-bottom: 1px solid #808080; }
 .answer { font-size: 1.3rem; border-left: 6px solid #17456b; padding: .4rem 1rem; }
 .unlike { border-color: #b3261e; } .aside { opacity: .45; } svg { max-width: 100%; height: auto; }
 pre { overflow-x: auto; font-size: .75rem; }
@@ -33,7 +34,7 @@ def report_html(result: dict[str, Any], observation: Observation, prepared: Prep
     """
     figure = export(observe.draw(observation, prepared.bands(), "matplotlib"), "svg").decode()
     unlike = result["resemblance"]["verdict"] == "unlike"
-    data = html.escape(json.dumps(result, indent=1))
+    data = html.escape(json.dumps(result, indent=1, ensure_ascii=False))
     return (
         "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
@@ -45,7 +46,8 @@ def report_html(result: dict[str, Any], observation: Observation, prepared: Prep
         f"of each class lie when observed alike; lines: medians.</p>{figure[figure.index('<svg') :]}"
         f"<h2>What was assumed</h2>{_list(result['assumptions'])}"
         f"<h2>Mind</h2>{_list(result['caveats'])}"
-        f"<h2>All numbers</h2><pre>{data}</pre></body></html>"
+        "<details><summary>All numbers, as JSON</summary>"
+        f"<pre>{data}</pre></details></body></html>"
     )
 
 
