@@ -299,7 +299,7 @@ def _design(
         if value.mean() <= 0 or np.any(raw < FLOOR * value.mean()):
             raise ObservationError(
                 f"The polynomial of order {a.order} fitted to “{shown(a.value)}” comes close to zero or "
-                "below; choose a lower order."
+                "below; choose another order."
             )
     sigma = np.full(len(value), a.constant) if error is None else error / curve
     if not np.median(sigma) <= 1.0:

@@ -33,6 +33,7 @@ _POSITION = {
 }
 _VALUE = {
     "q_rho": ("qrho", "qρ", "q", "ratio", "relativedensity"),
+    "detrended": ("detrended", "flattened", "normalised", "normalized"),
     "counts": ("counts", "count", "nstars", "nstar", "number", "n"),
     "density": ("density", "lindens", "lineardensity", "dens", "rho", "lambda", "value"),
 }
@@ -126,7 +127,7 @@ def _upper(name: str, free: list[str], plain: dict[str, str], coordinate: str) -
 
 
 def _value(table: Table, rest: list[str], plain: dict[str, str]) -> tuple[str, Kind]:
-    kinds: tuple[Kind, ...] = ("q_rho", "counts", "density")
+    kinds: tuple[Kind, ...] = ("q_rho", "detrended", "counts", "density")
     if table.header:
         for kind in kinds:
             for name in rest:

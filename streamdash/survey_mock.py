@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,12 @@ from streamdash.geometry import Geometry
 from streamdash.survey import Coordinate
 from streamdash.survey_observed import AS_IS, Design, observe_as, smooth_as, window
 
+EXAMPLE = Path(__file__).parent / "examples" / "gd1-like.csv"
+"""A mock observation that comes with the package; what it is stands in `EXAMPLE_TRUTH`.
+
+Made by ``streamdash mock --mass 1e5-1e9 --number 1 --gap -61 -o gd1-like.csv --truth gd1-like.truth.json``.
+"""
+EXAMPLE_TRUTH = EXAMPLE.with_suffix(".truth.json")
 MOCK_SEED = 20_170_605
 """Seed of all mock streams, so that none of them is in an ensemble somebody trained on."""
 STARS_PER_DEGREE = 100.0
