@@ -75,7 +75,7 @@ def test_text_states_answer_assumptions_and_caveats(small):
         "Probability of each class",
         "(taken for)",
         "Assumed",
-        "order 1",
+        "order 2",
         "Mind",
         "GD-1-like stream",
     ):
