@@ -70,7 +70,7 @@ def test_the_command_gives_the_numbers_of_the_library(small, tmp_path, geometry)
 
 
 def test_text_states_answer_assumptions_and_caveats(small):
-    words = run("classify", EXAMPLE, "--cache", small, "--order", 1).stdout
+    words = run("classify", EXAMPLE, "--cache", small, "--order", 2).stdout
     for part in (
         "Probability of each class",
         "(taken for)",
