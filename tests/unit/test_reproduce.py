@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -83,8 +84,9 @@ def test_csv_and_markdown_hold_the_same_table(results):
     rows = list(csv.DictReader(io.StringIO(table_csv(results))))
     assert len(rows) == len(table_rows(results)) == 4 * (2 + 6)
     markdown = table_markdown(results)
+    printed = np.array([float(number) for number in re.findall(r"-?\d+\.\d", markdown)])
     for row in rows:
-        assert f"{float(row['sum']):.1f}"[:-2] in markdown
+        assert np.abs(printed - float(row["sum"])).min() <= 0.06  # both are rounded
     assert "| the paper’s | 9.0 | 18.0 | 33.1 | 53.5 |" in markdown
     assert "| the paper’s | 4.0 | 5.4 | 3.1 | 1.3 |" in markdown
 
