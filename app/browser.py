@@ -68,3 +68,50 @@ class LiveText(JSComponent):
                    color: var(--mui-palette-text-secondary, inherit); }
         """
     ]
+
+
+class CopyLink(JSComponent):
+    """The address of a view as text, with a button that copies it."""
+
+    query = param.String("", doc="query with its question mark")
+    label = param.String("Link for a class: everybody gets the same ten streams", doc="what it is")
+
+    _esm = """
+    export function render({model}) {
+      const box = document.createElement("div")
+      box.className = "sd-copy"
+      const label = document.createElement("label")
+      const field = document.createElement("input")
+      field.type = "text"
+      field.readOnly = true
+      field.addEventListener("focus", () => field.select())
+      label.append(model.label, field)
+      const button = document.createElement("button")
+      button.type = "button"
+      const rest = () => { button.textContent = "Copy" }
+      button.addEventListener("click", async () => {
+        field.select()
+        // Browsers give a clipboard to secure pages only; the text is selected for the keyboard.
+        try { await navigator.clipboard.writeText(field.value); button.textContent = "Copied" }
+        catch { button.textContent = "Selected: press Ctrl+C" }
+        setTimeout(rest, 2000)
+      })
+      const write = () => { field.value = window.location.origin + window.location.pathname + model.query }
+      model.on("query", write)
+      write()
+      rest()
+      box.append(label, button)
+      return box
+    }
+    """
+    _stylesheets = [
+        """
+        .sd-copy { display: flex; flex-wrap: wrap; align-items: end; gap: 6px 10px;
+                   font: 13px/1.5 Roboto, sans-serif; color: inherit; }
+        .sd-copy label { display: flex; flex-direction: column; flex: 1 1 260px; max-width: 640px; }
+        .sd-copy input, .sd-copy button { font: inherit; color: inherit; background: none;
+                   border: 1px solid #80808090; border-radius: 4px; padding: 6px 10px; min-width: 0; }
+        .sd-copy button { cursor: pointer; min-width: 84px; }
+        .sd-copy :focus-visible { outline: 3px solid #e69f00; outline-offset: 2px; }
+        """
+    ]

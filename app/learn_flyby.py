@@ -230,6 +230,8 @@ class FlybyLesson:
                 ui.slider(page, "azimuth", "Side it comes from (°)", step=10, format="0"),
             ],
             "finer",
+            title_variant="body2",
+            margin=(0, 4),
         )
         return pn.Column(
             ui.slider(page, "mass10", "Mass: log₁₀(M / M☉)", step=0.25),

@@ -213,6 +213,13 @@ def write_query(session: Session) -> str:
     return f"?{urlencode(query, safe=',~')}" if query else ""
 
 
+def class_link(session: Session) -> str:
+    """Query that brings others to the start of the same game of the quiz, without any guesses."""
+    pairs = parse_qsl(write_query(session).lstrip("?"))
+    kept = [(name, text) for name, text in pairs if name not in ("round", "answers", "average", "theme")]
+    return f"?{urlencode(kept, safe=',~')}"
+
+
 def _short(text: str) -> str:
     clean = "".join(c if c.isprintable() else "�" for c in text)
     return clean if len(clean) <= _LONGEST_SHOWN else clean[: _LONGEST_SHOWN - 1] + "…"

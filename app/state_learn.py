@@ -8,17 +8,18 @@ from typing import Any
 import param
 
 from app.fields import Field, integer, number, option
+from streamdash.classifier_quiz import ROUNDS
 from streamdash.config import ConfigError
 from streamdash.flyby import FRAMES, Flyby
 
-LESSONS = {"One fly-by": "flyby"}
+LESSONS = {"One fly-by": "flyby", "Guess the mass": "quiz"}
 STEPS = 6
-ROUNDS = 10
 FLYBYS_MAX = 12
 CROWD_MAX = 100
 GAME_MAX = 9999
+AVERAGE_MAX = 63
 DIFFICULTIES = {"Easy": "easy", "Medium": "medium", "Hard": "hard", "Very hard": "extreme"}
-QUIZ_NOISE = {"easy": 0.05, "medium": 0.1, "hard": 0.2, "extreme": 0.4}
+QUIZ_NOISE = {"easy": 0.1, "medium": 0.3, "hard": 0.6, "extreme": 1.0}
 """Shot noise σ_ε per 0.2° bin of each difficulty."""
 
 HAND = {
@@ -105,6 +106,7 @@ FIELDS: dict[str, Field] = {
     "game": integer(0, GAME_MAX),
     "round": integer(1, ROUNDS),
     "answers": _answers(),
+    "average": integer(1, AVERAGE_MAX),
 }
 
 
@@ -136,11 +138,12 @@ class LearnState(param.Parameterized):
         FRAMES - 1, bounds=(0, FRAMES - 1), doc="frame of the film shown; the last is today"
     )
     difficulty: Any = param.Selector(
-        default="medium", objects=list(DIFFICULTIES.values()), doc="difficulty of the quiz: its noise"
+        default="easy", objects=list(DIFFICULTIES.values()), doc="difficulty of the quiz: its noise"
     )
     game = param.Integer(0, bounds=(0, GAME_MAX), doc="seed of the quiz: the same ten streams for everybody")
     round = param.Integer(1, bounds=(1, ROUNDS), doc="round of the quiz shown")
     answers = param.String("", doc="guesses of this game so far, see `FIELDS`")
+    average = param.Integer(1, bounds=(1, AVERAGE_MAX), doc="bins averaged over in the quiz's figure")
 
     @property
     def hand(self) -> tuple[float, ...]:

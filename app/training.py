@@ -70,16 +70,26 @@ def streams_of(services: Services, session: Session) -> LabelledStreams:
 
 def data_key(session: Session) -> tuple[Hashable, ...]:
     """Everything that a trained model of the session's choices depends on."""
-    return (*(choice.key for choice in session.ensembles), session.noise, settings_of(session).key)
+    return _key(session, session.noise, settings_of(session))
+
+
+def _key(session: Session, noise: float, settings: ClassifierConfig) -> tuple[Hashable, ...]:
+    return (*(choice.key for choice in session.ensembles), noise, settings.key)
 
 
 def training(services: Services, session: Session) -> tuple[Hashable, Compute]:
-    """Key and computation of the chosen classifier, for `app.work.Work.ask`.
+    """Key and computation of the chosen classifier, for `app.work.Work.ask`."""
+    return train_task(services, session, session.noise, settings_of(session))
+
+
+def train_task(
+    services: Services, session: Session, noise: float, settings: ClassifierConfig
+) -> tuple[Hashable, Compute]:
+    """Key and computation of a classifier of the chosen classes, for `app.work.Work.ask`.
 
     A model that was kept on disk is read and judged again, which takes a fraction of a second; one
     whose files are damaged is trained anew.
     """
-    noise, settings = session.noise, settings_of(session)
     streams = streams_of(services, session)
 
     def compute(progress, should_stop) -> Judged:
@@ -98,7 +108,7 @@ def training(services: Services, session: Session) -> tuple[Hashable, Compute]:
             logger.warning("the model could not be kept: %s", error)
         return judged
 
-    return ("classifier", *data_key(session)), compute
+    return ("classifier", *_key(session, noise, settings)), compute
 
 
 def code_head(session: Session, *modules: str) -> str:

@@ -27,6 +27,7 @@ from app.layout import (  # pages find all of it in `ui`
     plain_text,
 )
 from app.pages.base import Page
+from streamdash.plots.style import class_colour
 
 
 def _palette(primary: str, page: str, paper: str, bar: str) -> dict[str, Any]:
@@ -53,6 +54,7 @@ __all__ = [
     "FigureCard",
     "button",
     "caption",
+    "class_button",
     "class_heading",
     "controls",
     "document",
@@ -267,6 +269,17 @@ def button(label: str, action: Callable[[], Any], **params: Any) -> pmui.Button:
     return pmui.Button(label=label, on_click=lambda _: action(), variant="outlined", **params)
 
 
+def class_button(index: int, label: str, action: Callable[[], Any], **params: Any) -> pmui.Button:
+    """A button in the colour of a class."""
+    style = {
+        "borderColor": class_colour(index),
+        "borderWidth": 3,
+        "textTransform": "none",
+        "color": "inherit",
+    }
+    return button(f"M{index} · {label}", action, sx=style, margin=(4, 10), **params)
+
+
 def caption(text: str) -> pmui.Typography:
     """Small heading of a control that has none of its own."""
     return pmui.Typography(html.escape(text), variant="caption", margin=0)
@@ -365,30 +378,21 @@ class FigureCard:
             self._listing.object = f"<pre tabindex='0'><code>{html.escape(self._code())}</code></pre>"
 
 
-def folded(title: str, parts: Sequence[Viewable], name: str) -> Viewable:
-    """Controls that few need, closed until somebody opens them; ``sd-<name>`` is their class."""
+def folded(title: str, parts: Sequence[Viewable], name: str, **params: Any) -> Viewable:
+    """What few need, closed until somebody opens it; ``sd-<name>`` is its class."""
     return pmui.Accordion(
-        (title, pn.Column(*parts, sizing_mode=WIDE, margin=0)),
-        title_variant="body2",
+        (title, pn.Column(*parts, sizing_mode=WIDE, margin=0, styles={"overflow-x": "auto"})),
         disable_gutters=True,
-        sizing_mode=WIDE,
-        margin=(0, 4),
         elevation=0,
         css_classes=[f"sd-{name}"],
+        **{"sizing_mode": WIDE, "margin": (8, 0), **params},
     )
 
 
 def document(title: str, markdown: str, name: str) -> Viewable:
     """A longer text of ours, closed until somebody opens it; ``sd-<name>`` is its class."""
     text = pn.pane.Markdown(markdown, renderer_options={"html": False}, sizing_mode=WIDE, margin=(0, 8))
-    return pmui.Accordion(
-        (title, pn.Column(text, sizing_mode=WIDE, margin=0, styles={"overflow-x": "auto"})),
-        disable_gutters=True,
-        sizing_mode=WIDE,
-        margin=(8, 0),
-        elevation=0,
-        css_classes=[f"sd-{name}"],
-    )
+    return folded(title, [text], name)
 
 
 def _download(filename: str, kind: str, make: Callable[[], bytes]) -> pmui.FileDownload:

@@ -10,17 +10,19 @@ from panel.viewable import Viewable
 from app import ui
 from app.learn_flyby import USES as FLYBY_USES
 from app.learn_flyby import FlybyLesson
+from app.learn_quiz import USES as QUIZ_USES
+from app.learn_quiz import QuizLesson
 from app.pages.base import Page
 from app.state_learn import LESSONS
 
-MADE_BY = {"flyby": FlybyLesson}
+MADE_BY: dict[str, Any] = {"flyby": FlybyLesson, "quiz": QuizLesson}
 
 
 class LearnPage(Page):
     """One of three lessons at a time."""
 
     key, title = "learn", "Learn"
-    uses = FLYBY_USES | {"lesson"}
+    uses = FLYBY_USES | QUIZ_USES | {"lesson"}
 
     def view(self) -> Viewable:
         self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)

@@ -70,9 +70,29 @@ def test_another_mass_makes_another_film(tab):
     expect(sentence).not_to_have_text(deepest, timeout=LONG_MS)
 
 
-@pytest.mark.parametrize("query", [f"{FLYBY}&theme=dark"])
+@pytest.mark.parametrize("query", [f"{FLYBY}&theme=dark", "?page=learn&lesson=quiz"])
 def test_nothing_sticks_out_on_a_phone(tab, query):
     page = tab(query, width=390, height=844).page
     expect(page.locator(".sd-card").first).to_be_visible(timeout=LONG_MS)
     assert sideways(page) == []
     assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
+
+
+def test_a_round_of_the_quiz_by_keyboard(tab):
+    watched = tab("?page=learn&lesson=quiz&game=4")
+    page = watched.page
+    verdict = page.locator(".sd-verdict .sd-live")
+    expect(verdict).to_contain_text("Round 1 of 10", timeout=LONG_MS)
+    expect(page.locator(".sd-card-clue")).to_be_hidden()
+    link = page.locator(".sd-class-link input")
+    assert link.input_value().endswith("?page=learn&lesson=quiz&game=4")
+    page.locator(".sd-guess-0 button").focus()
+    page.keyboard.press("Enter")
+    expect(verdict).to_contain_text("it was", timeout=LONG_MS)
+    expect(page.locator(".sd-card-clue .sd-sentence .sd-live")).to_contain_text("68 %")
+    expect(verdict).to_contain_text("The classifier said", timeout=2 * LONG_MS)
+    page.wait_for_function("() => new URLSearchParams(location.search).has('answers')")
+    assert link.input_value().endswith("?page=learn&lesson=quiz&game=4")
+    page.locator(".sd-next button").click()
+    expect(verdict).to_contain_text("Round 2 of 10", timeout=LONG_MS)
+    assert watched.complaints == []
