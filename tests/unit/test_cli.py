@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import signal
-import socket
 import subprocess
 import sys
-import time
-import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +15,6 @@ from typer.testing import CliRunner
 
 from streamdash import survey
 from streamdash.cli import app
-from streamdash.cli_serve import serve_arguments
 from streamdash.cli_stream import COLUMNS
 from streamdash.config import EnsembleConfig, Perturbers, StreamModel
 from streamdash.density import perturbed_stream
@@ -350,51 +345,6 @@ def test_removing_may_be_declined(cache, toy):
         os.close(end)
         assert process.returncode == (0 if gone else 2)
         assert path.exists() is not gone
-
-
-# ------------------------------------------------------------------ serve
-
-
-def test_who_may_connect(monkeypatch):
-    monkeypatch.delenv("BOKEH_ALLOW_WS_ORIGIN", raising=False)
-
-    def origins(*arguments) -> list[str]:
-        words = serve_arguments(*arguments)
-        return [b for a, b in zip(words, words[1:], strict=False) if a == "--allow-websocket-origin"]
-
-    assert origins(5006, "localhost", False, []) == ["localhost:5006", "127.0.0.1:5006"]
-    assert origins(80, "10.0.0.7", False, []) == ["localhost:80", "127.0.0.1:80", "10.0.0.7:80"]
-    assert origins(80, "0.0.0.0", False, []) == ["localhost:80", "127.0.0.1:80"]
-    assert origins(80, "0.0.0.0", False, ["streams.example.org"]) == ["streams.example.org"]
-    monkeypatch.setenv("BOKEH_ALLOW_WS_ORIGIN", "streams.example.org")
-    assert origins(80, "0.0.0.0", False, []) == []
-
-
-def test_the_server_starts_is_live_and_ends_with_its_process(tmp_path):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    command = [sys.executable, "-m", "streamdash.cli", "serve", "--port", str(port), "--address", "127.0.0.1"]
-    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    try:
-        deadline = time.monotonic() + 60
-        while True:
-            try:
-                with urllib.request.urlopen(f"http://127.0.0.1:{port}/liveness", timeout=5) as answer:
-                    assert answer.status == 200
-                    break
-            except OSError:
-                assert server.poll() is None, server.stdout.read()
-                assert time.monotonic() < deadline
-                time.sleep(0.2)
-        server.send_signal(signal.SIGTERM)
-        server.wait(20)
-        with pytest.raises(OSError, match="refused"):
-            urllib.request.urlopen(f"http://127.0.0.1:{port}/liveness", timeout=5)
-    finally:
-        if server.poll() is None:
-            server.kill()
-        server.communicate()
 
 
 @pytest.mark.parametrize("port", ["0", "70000", "http"])

@@ -1,0 +1,224 @@
+"""Whom the server lets in, what it refuses to start with, and what it does with a password."""
+
+from __future__ import annotations
+
+import contextlib
+import http.cookiejar
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.parse
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from bokeh.client import pull_session
+
+from streamdash.cli_common import InputError
+from streamdash.cli_deploy import Deployment, check, server_arguments, server_environment, settings_table
+from streamdash.config import ConfigError
+from streamdash.config_environment import PREFIX
+
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "deployment.md"
+SECRET = "0123456789abcdef0123456789abcdef"
+PASSWORD = "Open, Sesame 9"
+
+
+def settings(**variables: str) -> Deployment:
+    return Deployment.from_environment({PREFIX + name.upper(): value for name, value in variables.items()})
+
+
+# --- who may connect --------------------------------------------------------------------------
+
+
+def origins(environment: dict[str, str] | None = None, **variables: str) -> list[str]:
+    words = server_arguments(settings(**variables), False, environment or {})
+    return [b for a, b in zip(words, words[1:], strict=False) if a == "--allow-websocket-origin"]
+
+
+def test_who_may_connect():
+    assert origins() == ["localhost:5006", "127.0.0.1:5006"]
+    assert origins(port="80", address="10.0.0.7") == ["localhost:80", "127.0.0.1:80", "10.0.0.7:80"]
+    assert origins(port="80", address="0.0.0.0") == ["localhost:80", "127.0.0.1:80"]
+    assert origins(address="0.0.0.0", origins="a.example.org, b.example.org:8443") == [
+        "a.example.org",
+        "b.example.org:8443",
+    ]
+    assert origins({"BOKEH_ALLOW_WS_ORIGIN": "streams.example.org"}, address="0.0.0.0") == []
+
+
+def test_what_is_given_on_the_command_line_wins():
+    environment = {"STREAMDASH_PORT": "8000", "STREAMDASH_ADDRESS": "0.0.0.0"}
+    assert Deployment.from_environment(environment, port=9000, address=None).port == 9000
+    assert Deployment.from_environment(environment, port=9000, address=None).address == "0.0.0.0"
+
+
+@pytest.mark.parametrize(
+    ("address", "public"),
+    [
+        ("localhost", False),
+        ("127.0.0.1", False),
+        ("::1", False),
+        ("0.0.0.0", True),
+        ("", False),
+        ("me", True),
+    ],
+)
+def test_what_other_machines_can_reach(address, public):
+    assert settings(address=address).is_public is public  # an empty variable leaves the default
+
+
+# --- refusals ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("variables", "named"),
+    [
+        ({"port": "0"}, "STREAMDASH_PORT"),
+        ({"port": "http"}, "STREAMDASH_PORT"),
+        ({"origins": "https://streams.example.org"}, "STREAMDASH_ORIGINS"),
+        ({"prefix": "streams"}, "STREAMDASH_PREFIX"),
+        ({"behind_proxy": "perhaps"}, "STREAMDASH_BEHIND_PROXY"),
+    ],
+)
+def test_wrong_values_name_their_variable(variables, named):
+    with pytest.raises(ConfigError, match=f"^{named}: .*{re.escape(next(iter(variables.values())))}"):
+        settings(**variables)
+
+
+OAUTH = {
+    f"PANEL_OAUTH_{name}": "x" * 20 for name in ("PROVIDER", "KEY", "SECRET", "REDIRECT_URI", "ENCRYPTION")
+}
+
+
+@pytest.mark.parametrize(
+    ("variables", "environment", "reason"),
+    [
+        ({"origins": "*", "address": "0.0.0.0"}, {}, "every website"),
+        ({"origins": "*", "behind_proxy": "1"}, {}, "every website"),
+        ({"origins": "*", "password": PASSWORD}, {}, "every website"),
+        ({"password": "short"}, {}, "STREAMDASH_PASSWORD is shorter"),
+        ({"secret": "short"}, {}, "STREAMDASH_SECRET is shorter"),
+        ({"password": PASSWORD}, OAUTH, "both set"),
+        ({"password": PASSWORD, "address": "0.0.0.0"}, {}, "unencrypted"),
+        ({"address": "0.0.0.0"}, OAUTH, "unencrypted"),
+        ({}, {"PANEL_OAUTH_PROVIDER": "github", "PANEL_OAUTH_KEY": "k"}, "PANEL_OAUTH_SECRET"),
+        ({}, {"PANEL_BASIC_AUTH": PASSWORD}, "lower case"),
+        ({"address": "0.0.0.0"}, {"BOKEH_SIGN_SESSIONS": "no"}, "signed sessions off"),
+        ({"tls_key": __file__}, {}, "only work together"),
+        ({"tls_key": __file__, "tls_certificate": "/none/such.pem"}, {}, "there is no file"),
+    ],
+)
+def test_unsafe_combinations_are_refused_with_the_reason(variables, environment, reason):
+    with pytest.raises(InputError, match=reason):
+        check(settings(**variables), environment)
+
+
+@pytest.mark.parametrize(
+    ("variables", "environment"),
+    [
+        ({}, {}),
+        ({"address": "0.0.0.0"}, {}),
+        ({"origins": "*"}, {}),
+        ({"password": PASSWORD}, {}),
+        ({"password": PASSWORD, "address": "0.0.0.0", "behind_proxy": "1"}, {}),
+        ({"password": PASSWORD, "address": "0.0.0.0", "tls_key": __file__, "tls_certificate": __file__}, {}),
+        ({"secret": SECRET, "origins": "streams.example.org", "behind_proxy": "yes"}, OAUTH),
+    ],
+)
+def test_safe_combinations_are_not(variables, environment):
+    check(settings(**variables), environment)
+
+
+def test_sessions_are_signed_always():
+    first, second = (server_environment(settings(), {}) for _ in range(2))
+    assert first["BOKEH_SIGN_SESSIONS"] == "yes"
+    assert len(first["BOKEH_SECRET_KEY"]) >= 32
+    assert first["BOKEH_SECRET_KEY"] != second["BOKEH_SECRET_KEY"]
+    given = server_environment(settings(secret=SECRET), {})
+    assert given["BOKEH_SECRET_KEY"] == SECRET
+    assert given["PANEL_COOKIE_SECRET"] not in (SECRET, first["PANEL_COOKIE_SECRET"])
+    assert given == server_environment(settings(secret=SECRET), {})
+
+
+def test_secrets_are_not_printed():
+    printed = str(settings_table(settings(secret=SECRET, password=PASSWORD)))
+    assert SECRET not in printed
+    assert PASSWORD not in printed
+    assert PASSWORD not in " ".join(server_arguments(settings(password=PASSWORD), False, {}))
+
+
+def test_the_documentation_lists_every_variable_with_its_default_and_meaning():
+    text = DOCS.read_text(encoding="utf-8")
+    for name, value, meaning in settings_table(settings()):
+        assert f"| `{name}` | {value or 'none'} | {meaning} |" in text
+
+
+# --- a real server ----------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def running(**variables: str) -> Iterator[str]:
+    """A server with these environment variables on a free port; its address."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [sys.executable, "-m", "streamdash.cli", "serve", "--port", str(port), "--address", "127.0.0.1"]
+    server = subprocess.Popen(
+        command, env={**os.environ, **variables}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    address = f"http://127.0.0.1:{port}"
+    try:
+        deadline = time.monotonic() + 60
+        while True:
+            try:
+                with urllib.request.urlopen(f"{address}/liveness", timeout=5) as answer:
+                    assert answer.status == 200
+                    break
+            except OSError:
+                assert server.poll() is None, server.stdout.read()
+                assert time.monotonic() < deadline
+                time.sleep(0.2)
+        yield address
+        server.send_signal(signal.SIGTERM)
+        server.wait(20)
+        with pytest.raises(OSError, match="refused"):
+            urllib.request.urlopen(f"{address}/liveness", timeout=5)
+    finally:
+        if server.poll() is None:
+            server.kill()
+        server.communicate()
+
+
+def visit(address: str, password: str) -> str:
+    """Where a visitor who gives `password` ends up."""
+    opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(http.cookiejar.CookieJar()))
+    with opener.open(f"{address}/main", timeout=120) as answer:
+        assert urllib.parse.urlsplit(answer.url).path == "/login"
+    form = urllib.parse.urlencode({"username": "anyone", "password": password}).encode()
+    opener.open(f"{address}/login", form, timeout=120).close()
+    with opener.open(f"{address}/main", timeout=120) as answer:
+        return urllib.parse.urlsplit(answer.url).path
+
+
+def test_a_password_keeps_others_out():
+    with running(STREAMDASH_PASSWORD=PASSWORD) as address:
+        assert visit(address, PASSWORD) == "/main"
+        assert visit(address, PASSWORD.lower()) == "/login"
+        assert visit(address, "") == "/login"
+        with pytest.raises(OSError, match="403"):
+            pull_session(url=f"{address}/main")
+
+
+def test_sessions_of_ones_own_making_are_refused():
+    with running() as address:
+        with urllib.request.urlopen(f"{address}/main", timeout=120) as answer:
+            assert answer.status == 200
+        with pytest.raises(OSError, match="Disconnected with error code"):
+            pull_session(session_id="mine", url=f"{address}/main")
