@@ -17,6 +17,8 @@ from app.catalog import CLASSES_MAX, CLASSES_MIN, Catalog
 from app.fields import Field, integer, number, option
 from app.state_learn import FIELDS as LEARN
 from app.state_learn import LearnState
+from app.state_observe import FIELDS as OBSERVE
+from app.state_observe import ObserveState
 from streamdash.plots.style import COORDINATE_LABELS
 
 QUANTITIES = {"q_rho": "Qρ", "rho": "ρ", "omega": "⟨Ω∥⟩"}
@@ -45,11 +47,12 @@ FIELDS: dict[str, Field] = {
     "cell": integer(0, CLASSES_MAX**2),
     "theme": option("default", "dark"),
     **LEARN,
+    **OBSERVE,
 }
 """Values that can be checked alone; ``page``, ``stream`` and ``mass`` need to know what exists."""
 
 
-class Session(LearnState):
+class Session(LearnState, ObserveState):
     """One browser session's choices. Widgets bind to these; the URL follows them."""
 
     page = param.String("", doc="key of the page shown; empty: the first")

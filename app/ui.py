@@ -58,6 +58,7 @@ __all__ = [
     "class_heading",
     "controls",
     "document",
+    "download",
     "ensemble_picker",
     "error_state",
     "figure_cell",
@@ -341,7 +342,7 @@ class FigureCard:
             "svg": lambda: image("svg"),
             "csv": lambda: table().to_csv(index=False, float_format="%.6g").encode(),
         }
-        files = [_download(f"streamdash-{name}.{kind}", kind, make) for kind, make in self.files.items()]
+        files = [download(f"streamdash-{name}.{kind}", kind, make) for kind, make in self.files.items()]
         self._accordion = pmui.Accordion(
             ("Show the code", self._listing),
             title_variant="body2",
@@ -395,7 +396,8 @@ def document(title: str, markdown: str, name: str) -> Viewable:
     return folded(title, [text], name)
 
 
-def _download(filename: str, kind: str, make: Callable[[], bytes]) -> pmui.FileDownload:
+def download(filename: str, kind: str, make: Callable[[], bytes]) -> pmui.FileDownload:
+    """A button that downloads what ``make()`` returns then; ``sd-download-<kind>`` is its class."""
     return pmui.FileDownload(
         callback=lambda: io.BytesIO(make()),
         filename=filename,

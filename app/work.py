@@ -118,6 +118,13 @@ class Work:
         self._thread.submit(task.run, compute)
         return task
 
+    def forget(self, key: Hashable) -> None:
+        """Let go of a task, and of its result, unless somebody waits for it."""
+        with self._lock:
+            task = self._tasks.get(key)
+            if task is not None and task.waiting_for_it <= 0:
+                del self._tasks[key]
+
 
 class Watch:
     """One session's interest in one task at a time.

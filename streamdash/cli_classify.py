@@ -108,7 +108,7 @@ def classify(
     with progress_bar() as titled:
         prepared = prepare(cache, configs, observation.design, titled("Learning from streams so observed"))
     result = report(judge(prepared, observation), observation, prepared)
-    return result, lambda: report_html(result, observation, prepared)
+    return result, lambda: report_html(result, observation, prepared.bands())
 
 
 def _find(cache: Cache, label: str) -> Any:

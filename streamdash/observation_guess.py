@@ -22,6 +22,8 @@ KINDS: dict[Kind, str] = {
     "detrended": "density already divided by its polynomial",
 }
 """What a value may be, in words."""
+NOTHING = ""
+"""Stands for no column, where None would leave things as they are; for no width it is 0."""
 DEFAULT_ORDER = 3
 """Order of the polynomial that a density is divided by (Bovy, Erkal & Sanders 2017, §5)."""
 DEFAULT_ERROR = 0.1
@@ -159,7 +161,7 @@ def _error(table: Table, value: str, errors: list[str], taken: list[str | None])
 
 
 def changed(assumptions: Assumptions, changes: Mapping[str, Any]) -> Assumptions:
-    """Assumptions with some of them replaced; what is None stays, what follows from a change does too.
+    """Assumptions with some of them replaced; what is None stays, `NOTHING` takes a column away.
 
     A value of another kind brings the division that is usual for it, a named error column brings its
     use, a constant error likewise, unless they are given themselves.
@@ -170,9 +172,12 @@ def changed(assumptions: Assumptions, changes: Mapping[str, Any]) -> Assumptions
         When a value is not allowed; the sentence names the field.
     """
     given = {name: value for name, value in changes.items() if value is not None}
+    empty = {"upper": NOTHING, "smooth": NOTHING, "error": NOTHING, "width": 0}
+    taken = {name for name, value in empty.items() if name in given and given[name] == value}
     if "order" not in given and ("kind" in given or "smooth" in given):
-        ratio = given.get("kind", assumptions.kind) == "q_rho" or "smooth" in given
+        smooth = None if "smooth" in taken else given.get("smooth", assumptions.smooth)
+        ratio = given.get("kind", assumptions.kind) == "q_rho" or smooth is not None
         given["order"] = 0 if ratio else DEFAULT_ORDER
     if "error_kind" not in given and ("error" in given or "constant" in given):
-        given["error_kind"] = "column" if "error" in given else "constant"
-    return Assumptions.parse(assumptions.model_dump() | given)
+        given["error_kind"] = "column" if "error" in given and "error" not in taken else "constant"
+    return Assumptions.parse(assumptions.model_dump() | given | dict.fromkeys(taken))

@@ -144,7 +144,7 @@ def resemblance_words(result: dict[str, Any]) -> str:
         "alike": "The profile looks like the simulated classes.",
     }[likeness["verdict"]]
     return (
-        f"{words} Of {likeness['n_held_out']} streams the method never saw, {100 * likeness['p']:.2g} % are "
+        f"{words} Of {likeness['n_held_out']} streams the method never saw, {100 * likeness['p']:.{0 if likeness['p'] > 0.1 else 1}f} % are "
         f"as strange or stranger: p = {likeness['p']:.2g}, twice the smaller of {likeness['p_distance']:.2g} "
         f"for the distance from the classes and {likeness['p_pattern']:.2g} for the pattern along the stream."
     )

@@ -6,12 +6,13 @@ import html
 import json
 from typing import Any
 
+import numpy as np
+
 from streamdash.observation import Observation
 from streamdash.plots import observe
 from streamdash.plots.live import export
 from streamdash.plots.style import class_colour
 from streamdash.report import evidence_words, interval, name, percent, resemblance_words
-from streamdash.verdict import Prepared
 
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
@@ -25,14 +26,16 @@ pre { overflow-x: auto; font-size: .75rem; }
 POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 
-def report_html(result: dict[str, Any], observation: Observation, prepared: Prepared) -> str:
+def report_html(result: dict[str, Any], observation: Observation, bands: np.ndarray) -> str:
     """The whole report, figure and numbers included.
 
     Parameters
     ----------
     result : from `streamdash.report.report`
+    observation : what it is about
+    bands : from `streamdash.verdict.Prepared.bands`
     """
-    figure = export(observe.draw(observation, prepared.bands(), "matplotlib"), "svg").decode()
+    figure = export(observe.draw(observation, bands, "matplotlib"), "svg").decode()
     unlike = result["resemblance"]["verdict"] == "unlike"
     data = html.escape(json.dumps(result, indent=1, ensure_ascii=False))
     return (

@@ -63,6 +63,7 @@ from app.pages.base import Page
 from app.pages.classifier import ClassifierPage
 from app.pages.evidence import EvidencePage
 from app.pages.learn import LearnPage
+from app.pages.observe import ObservePage
 from app.pages.pdf import PdfPage
 from app.pages.profiles import ProfilesPage
 from app.pages.spectrum import SpectrumPage
@@ -72,6 +73,7 @@ PAGES: tuple[type[Page], ...] = (
     PdfPage,
     EvidencePage,
     ClassifierPage,
+    ObservePage,
     SpectrumPage,
     LearnPage,
 )

@@ -195,7 +195,7 @@ def test_what_is_unlike_comes_first_and_probabilities_step_back(world, bins, geo
     assert result["answer"].startswith("This profile resembles none of the compared classes")
     assert "should not be used" in result["answer"]
     assert not any(f"{100 * c['probability']:.0f} %" in result["answer"] for c in result["classes"])
-    page = report_html(result, observation, prepared)
+    page = report_html(result, observation, prepared.bands())
     assert page.index("resembles none") < page.index("<table")
     assert "class='aside'" in page
 
@@ -215,7 +215,7 @@ def test_the_report_has_one_story_in_every_form(world, bins, geometry):
         assert c["interval"][0] <= c["probability"] <= c["interval"][1]
     assert np.sum(result["quality"]["confusion"]) == result["quality"]["n_held_out"] == 400
     assert any("molecular" in words for words in result["caveats"])
-    page = report_html(result, observation, prepared)
+    page = report_html(result, observation, prepared.bands())
     assert "<script" not in page
     assert "<svg" in page
 
@@ -227,7 +227,9 @@ def test_names_of_strangers_stay_text_in_the_report(world, bins, geometry):
     data = ("phi1,<img/src=x>,error\n" + "".join(f"{x:g},{v:g},{s:g}\n" for x, v, s in rows)).encode()
     table = read_table(data)
     observation = interpret(table, changed(guess(table), {"kind": "detrended"}), geometry)
-    page = report_html(report(judge(prepared, observation), observation, prepared), observation, prepared)
+    page = report_html(
+        report(judge(prepared, observation), observation, prepared), observation, prepared.bands()
+    )
     assert "<img" not in page
     assert "&lt;img/src=x&gt;" in page
 
