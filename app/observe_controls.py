@@ -27,7 +27,7 @@ class AssumptionControls:
     def __init__(self, session: ObserveState) -> None:
         self.session = session
         self.view = pn.FlexBox(
-            align_items="end", gap="4px 12px", sizing_mode=ui.WIDE, css_classes=["sd-assumptions"]
+            align_items="end", gap="4px 0px", sizing_mode=ui.WIDE, css_classes=["sd-assumptions"]
         )
         self.widgets: dict[str, Any] = {}
         self._table: Table | None = None
@@ -88,8 +88,8 @@ def _values(assumptions: Assumptions) -> dict[str, Any]:
 
 
 def _menu(label: str, options: dict[str, str], width: int = 190) -> Viewable:
-    return pn.widgets.Select(name=label, options=options, width=width, margin=(4, 4))
+    return pn.widgets.Select(label=label, options=options, width=width, margin=(4, 10))
 
 
 def _number(label: str) -> Viewable:
-    return pn.widgets.FloatInput(name=label, start=0, step=0.1, width=150, margin=(4, 4))
+    return pn.widgets.FloatInput(label=label, start=0, step=0.1, width=170, margin=(4, 10))

@@ -143,8 +143,9 @@ def resemblance_words(result: dict[str, Any]) -> str:
         "unusual": f"The profile would be an unusual member of any class (p < {DOUBTFUL:g}).",
         "alike": "The profile looks like the simulated classes.",
     }[likeness["verdict"]]
+    share = f"{100 * likeness['p']:.{0 if likeness['p'] > 0.1 else 1}f} %"
     return (
-        f"{words} Of {likeness['n_held_out']} streams the method never saw, {100 * likeness['p']:.{0 if likeness['p'] > 0.1 else 1}f} % are "
+        f"{words} Of {likeness['n_held_out']} streams the method never saw, {share} are "
         f"as strange or stranger: p = {likeness['p']:.2g}, twice the smaller of {likeness['p_distance']:.2g} "
         f"for the distance from the classes and {likeness['p_pattern']:.2g} for the pattern along the stream."
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import signal
 from pathlib import Path
 
@@ -44,6 +45,25 @@ def root() -> Path:
 def shipped_cache() -> Path:
     """The ``cache/`` folder that comes with the checkout; tests only read it."""
     return ROOT / "cache"
+
+
+@pytest.fixture(scope="session")
+def small_cache(shipped_cache, tmp_path_factory) -> Path:
+    """Folder of a cache with the first streams of the shipped ensembles of the paper's two classes."""
+    from streamdash.store import CHUNK, Cache
+
+    root = tmp_path_factory.mktemp("small") / "cache"
+    shutil.copytree(shipped_cache / "geometries", root / "geometries")
+    shipped, cache = Cache.default(shipped_cache), Cache.default(root)
+    for entry in shipped.entries():
+        if entry.kind == "ensemble" and entry.config.perturbers.label in ("1e3-1e5", "1e5-1e9"):
+            data = shipped.open_ensemble(entry.config)
+            config = entry.config.model_copy(update={"n_streams": 2 * CHUNK})
+            with cache.begin(config, data[["smooth", "omega_smooth"]]) as writer:
+                for index in writer.missing():
+                    part = data.isel(stream=slice(index * CHUNK, (index + 1) * CHUNK))
+                    writer.write(index, *(part[name].values for name in ("density", "omega", "n_impacts")))
+    return root
 
 
 @pytest.fixture

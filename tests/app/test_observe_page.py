@@ -1,0 +1,193 @@
+"""The Observe page without a browser: what is read, refused, classified, revealed and forgotten."""
+
+from __future__ import annotations
+
+import ast
+import base64
+import json
+import time
+
+import numpy as np
+import pytest
+from bokeh.document import Document
+from bokeh.io.doc import set_curdoc
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.pages import PAGES
+from app.services import Services
+from app.shell import Shell
+from app.state import Session
+from app.state_observe import Upload
+from app.upload import decoded
+from app.work import Task, Work
+from streamdash.observation_table import MAX_BYTES
+from streamdash.store import Cache
+from streamdash.survey_mock import EXAMPLE, EXAMPLE_TRUTH
+
+EXAMPLE_LINK = "?page=observe&example=yes"
+
+
+@pytest.fixture(autouse=True)
+def documents():
+    """Outside a server HoloViews ties its figures to Bokeh's one default document."""
+    yield
+    set_curdoc(Document())
+
+
+def settle(page, seconds: float = 200) -> None:
+    """Wait as the page's timer does until nothing is being computed."""
+    deadline = time.monotonic() + seconds
+    while page.watch.following:
+        assert time.monotonic() < deadline, "still computing"
+        page.watch.look()
+        time.sleep(0.02)
+
+
+def upload(page, data: bytes) -> None:
+    """What the browser sends when a file was chosen."""
+    drop = next(part for part in page_parts(page) if type(part).__name__ == "FileDrop")
+    drop._handle_msg({"data": base64.b64encode(data).decode()})
+
+
+def page_parts(page):
+    return page.layout.objects
+
+
+@pytest.fixture(scope="module")
+def services(small_cache) -> Services:
+    """Services on a cache with few streams, from which is learnt in no time."""
+    return Services(Cache.default(small_cache))
+
+
+@pytest.fixture
+def open_page(services):
+    """The page at a link, with its layout at hand."""
+
+    def open_at(search: str = "?page=observe"):
+        session = Session(tuple(page.key for page in PAGES), services.catalog())
+        session.load(search)
+        shell = Shell(session, services, PAGES)
+        page = shell.page
+        page.layout = shell.slots["observe"].objects[0]
+        return page
+
+    return open_at
+
+
+def problems(page) -> str:
+    return " ".join(text.object for alert in page.problem for text in alert.objects)
+
+
+def test_nothing_is_shown_before_there_is_a_file(open_page):
+    page = open_page()
+    assert not page.read_part.visible and not page.result_part.visible
+
+
+def test_the_example_is_read_and_every_assumption_stated(open_page):
+    page = open_page(EXAMPLE_LINK)
+    assert page.read_part.visible
+    for words in ("“phi1” is φ1", "with one gap", "polynomial of order 3", "“density_error”"):
+        assert words in page.stated.object
+    assert page.assumptions.widgets["value"].value == "density"
+    assert "35 bins" in page.status.text
+
+
+def test_a_changed_assumption_is_followed_and_what_belongs_in_a_link_is_there(open_page):
+    page = open_page(EXAMPLE_LINK)
+    page.assumptions.widgets["order"].value = "2"
+    assert page.session.search == f"{EXAMPLE_LINK}&profile_order=2"
+    assert "order 2" in page.stated.object
+    page.assumptions.widgets["error_kind"].value = "constant"
+    page.assumptions.widgets["constant"].value = 0.2
+    np.testing.assert_allclose(page.reading.observation.design.sigma, 0.2)
+    page.assumptions.widgets["value"].value = "phi1"
+    assert "column “phi1”" in problems(page)
+    assert not page.controls.view.visible
+    page.assumptions.widgets["value"].value = "density"
+    assert not problems(page)
+    assert page.controls.view.visible
+
+
+def test_an_upload_replaces_what_was_there_and_stays_out_of_the_link(open_page):
+    page = open_page(f"{EXAMPLE_LINK}&profile_order=2")
+    upload(page, EXAMPLE.read_bytes().replace(b"density", b"secret"))
+    assert page.session.search == "?page=observe"
+    assert "“secret”" in page.stated.object
+    assert "order 3" in page.stated.object
+    assert page.session.upload == Upload(EXAMPLE.read_bytes().replace(b"density", b"secret"))
+
+
+def test_what_cannot_be_read_is_one_sentence(open_page):
+    page = open_page(EXAMPLE_LINK)
+    for data, words in (
+        (b"\x00\x01", "not text"),
+        (b"phi1,q\n1,x\n", "“x” is not a number"),
+        (b"", "is empty"),
+    ):
+        upload(page, data)
+        assert words in problems(page)
+        assert not page.read_part.visible or not page.controls.view.visible
+
+
+def test_names_from_a_file_are_never_markup(open_page):
+    page = open_page()
+    upload(
+        page, EXAMPLE.read_bytes().replace(b"density_error", b"<b>x</b>").replace(b"density", b"<img/src=x>")
+    )
+    assert "<img" not in page.preview.object + page.stated.object
+    assert "&lt;img/src=x&gt;" in page.preview.object
+
+
+@settings(max_examples=300, deadline=None, database=None)
+@given(
+    st.one_of(st.none(), st.integers(), st.text(), st.dictionaries(st.sampled_from(["data", "x"]), st.text()))
+)
+def test_whatever_a_browser_sends_is_bytes_or_one_sentence(message):
+    try:
+        assert len(decoded(message)) <= MAX_BYTES + 8
+    except ValueError as error:
+        assert "choose it again" in str(error) or "larger than" in str(error)
+
+
+def test_a_message_that_is_too_large_is_refused_before_it_is_decoded():
+    with pytest.raises(ValueError, match="larger than 1 MB"):
+        decoded({"data": "A" * (2 * MAX_BYTES)})
+
+
+def test_the_answer_comes_with_its_numbers_and_is_forgotten_with_the_page(open_page, services):
+    page = open_page()
+    upload(page, EXAMPLE.read_bytes())
+    page.classify()
+    key = page.asked
+    settle(page)
+    result = page.outcome.result
+    assert result["answer"].split(":")[0].split(" ")[0] in page.answer.object
+    assert "How good is the method with such data?" in page.numbers.object
+    assert page.card.files["csv"]().count(b"\n") == 36
+    assert json.loads(page._json_report()) == json.loads(json.dumps(result))
+    assert page._html_report().startswith(b"<!doctype html>")
+    assert not page.reveal.visible
+    ast.parse(page._code())
+    assert services.work.find(key) is not None
+    page.close()
+    assert services.work.find(key) is None
+
+
+def test_the_truth_of_the_example_is_revealed_when_asked_for(open_page):
+    page = open_page(EXAMPLE_LINK)
+    page._reveal()
+    known = json.loads(EXAMPLE_TRUTH.read_text())
+    assert f"hit by {known['n_impacts']} perturbers of 10⁵–10⁹ M☉" in page.truth.object
+
+
+def test_a_task_that_somebody_waits_for_is_not_forgotten():
+    work = Work()
+    task: Task = work.ask("mine", lambda progress, should_stop: 1)
+    task.waiting_for_it = 1
+    work.forget("mine")
+    assert work._tasks["mine"] is task
+    task.waiting_for_it = 0
+    work.forget("mine")
+    work.forget("mine")
+    assert work.find("mine") is None
