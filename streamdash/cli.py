@@ -10,6 +10,7 @@ import typer
 from streamdash.cli_cache import cache_app
 from streamdash.cli_classify import classify_command
 from streamdash.cli_common import OneSentence
+from streamdash.cli_convergence import convergence_command
 from streamdash.cli_mock import mock_command
 from streamdash.cli_reproduce import reproduce_command
 from streamdash.cli_serve import serve_command
@@ -20,6 +21,7 @@ app = typer.Typer(cls=OneSentence, no_args_is_help=True, pretty_exceptions_enabl
 app.command("serve")(serve_command)
 app.command("simulate")(simulate_command)
 app.command("reproduce")(reproduce_command)
+app.command("convergence")(convergence_command)
 app.command("stream")(stream_command)
 app.command("classify")(classify_command)
 app.command("mock")(mock_command)

@@ -27,7 +27,7 @@ NameArgument = Annotated[str, typer.Argument(metavar="NAME", help="Key or direct
 
 @cache_app.command("list")
 def list_command(cache: CacheOption = None, as_json: JsonOption = False) -> None:
-    """List ensembles and geometries, the incomplete and damaged ones too."""
+    """List ensembles, geometries and spectra, the incomplete and damaged ones too."""
     entries = make_cache(cache).entries()
     if as_json:
         print_json([_as_dict(entry) for entry in entries])
@@ -39,7 +39,7 @@ def list_command(cache: CacheOption = None, as_json: JsonOption = False) -> None
     for name in ("what", "label", "key", "state", "streams", "MB", "core time", "date", "version", "where"):
         table.add_column(name, justify="right" if name in ("streams", "MB", "core time") else "left")
     for entry in entries:
-        streams = "" if entry.kind == "geometry" or not entry.n_total else f"{entry.n_done}/{entry.n_total}"
+        streams = "" if entry.kind != "ensemble" or not entry.n_total else f"{entry.n_done}/{entry.n_total}"
         table.add_row(
             entry.kind,
             entry.label,

@@ -203,6 +203,24 @@ class EnsembleConfig(Config):
         return self
 
 
+class SpectraConfig(Config):
+    """Spectra over the streams of an ensemble, of which they can be kept without it."""
+
+    ensemble: EnsembleConfig = EnsembleConfig()
+    first: int | None = Field(None, ge=2, description="how many of its streams count, from the first; all")
+
+    @model_validator(mode="after")
+    def _check_first(self):
+        if self.first is not None and self.first >= self.ensemble.n_streams:
+            raise ValueError("first must be smaller than n_streams, or not be given")
+        return self
+
+    @property
+    def n_streams(self) -> int:
+        """How many streams count."""
+        return self.first or self.ensemble.n_streams
+
+
 def mass_label(mass_range: tuple[float, float]) -> str:
     """Write a mass range as text: ``(1e3, 1e5)`` becomes ``1e3-1e5``."""
 

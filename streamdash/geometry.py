@@ -306,6 +306,14 @@ def _galpy_arguments(stream: StreamModel) -> dict:
     }
 
 
+def progenitor_radius(stream: StreamModel, times_gyr: np.ndarray) -> np.ndarray:
+    """Distance of the progenitor from the Galactic centre (kpc) at times before today (Gyr, from 0 up)."""
+    arguments = _galpy_arguments(stream)
+    orbit, times = arguments["progenitor"](), -np.asarray(times_gyr) / time_unit_gyr()
+    orbit.integrate(times, arguments["pot"])
+    return R0_KPC * np.asarray(orbit.r(times, use_physical=False))
+
+
 def galpy_stream(stream: StreamModel):
     """The smooth `galpy.df.streamdf` of `stream`."""
     from galpy.df import streamdf

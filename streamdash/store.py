@@ -1,4 +1,4 @@
-"""The cache: ensembles and geometries by the content of their configuration.
+"""The cache: ensembles, geometries and spectra by the content of their configuration.
 
 An entry is complete, partial, damaged or foreign, and which of these it is can be read off its
 files alone (`streamdash.store_entry`): there is no other record of progress. One process at a time
@@ -22,7 +22,7 @@ import numpy as np
 import platformdirs
 import xarray as xr
 
-from streamdash.config import EnsembleConfig, StreamModel
+from streamdash.config import Config, EnsembleConfig, SpectraConfig, StreamModel
 from streamdash.store_codec import (
     CHUNK,
     chunk_count,
@@ -42,6 +42,7 @@ from streamdash.store_entry import (
     create,
     explained,
     file_problems,
+    geometry_label,
     inspect,
     key_of,
     new_manifest,
@@ -51,6 +52,7 @@ from streamdash.store_entry import (
     read_verified,
     set_aside,
     sha256,
+    spectra_label,
     streams_in,
     write_file,
     write_model,
@@ -70,7 +72,7 @@ class BusyError(StoreError):
 
 @dataclass(frozen=True)
 class Cache:
-    """Ensembles and geometries in one or several folders.
+    """Ensembles, geometries and spectra in one or several folders.
 
     Parameters
     ----------
@@ -204,20 +206,18 @@ class Cache:
             raise
         return Writer(path, config, manifest, lock)
 
-    # ------------------------------------------------------------ geometries
+    # ------------------------------------------------------------ geometries and spectra
 
     def open_geometry(self, stream: StreamModel) -> xr.Dataset | None:
         """The stored geometry of a stream, or None when it has to be computed.
 
         A damaged one is named in the log and passed over.
         """
-        for path in self._paths("geometries", stream.key):
-            try:
-                manifest, _ = read_manifest(path, "geometries")
-                return decode(read_verified(path, manifest.header))
-            except StoreError as error:
-                log.warning("The geometry %s is left out: %s.", path.name, error)
-        return None
+        return self._open_whole("geometries", stream)
+
+    def open_spectra(self, config: SpectraConfig) -> xr.Dataset | None:
+        """The stored spectra of an ensemble, as `open_geometry` gives a geometry."""
+        return self._open_whole("spectra", config)
 
     def save_geometry(self, stream: StreamModel, dataset: xr.Dataset, cost_s: float = 0.0) -> None:
         """Store a geometry (any Dataset of numbers), unless an intact one is there already.
@@ -229,16 +229,11 @@ class Cache:
         TypeError
             When a variable is not numeric.
         """
-        root = self._writable()
-        path = root / "geometries" / f"{geometry_label(stream)}-{stream.key}"
-        files = encode_dataset(dataset)
-        manifest = new_manifest("geometries", stream, geometry_label(stream), files, cost_s)
-        with _lock(root, stream.key, timeout=-1), explained(root):
-            if path.exists():
-                if not problems_of(path, "geometries"):
-                    return
-                set_aside(path)
-            create(path, stream, manifest, files)
+        self._save_whole("geometries", stream, geometry_label(stream), dataset, cost_s)
+
+    def save_spectra(self, config: SpectraConfig, dataset: xr.Dataset, cost_s: float = 0.0) -> None:
+        """Store the spectra of an ensemble as `save_geometry` does; `cost_s` includes the ensemble's."""
+        self._save_whole("spectra", config, spectra_label(config), dataset, cost_s)
 
     # ------------------------------------------------------------ removing
 
@@ -262,6 +257,27 @@ class Cache:
             shutil.rmtree(doomed)
 
     # ------------------------------------------------------------ inside
+
+    def _open_whole(self, kind: str, config: Config) -> xr.Dataset | None:
+        for path in self._paths(kind, config.key):
+            try:
+                manifest, _ = read_manifest(path, kind)
+                return decode(read_verified(path, manifest.header))
+            except StoreError as error:
+                log.warning("The entry %s of %s is left out: %s.", path.name, kind, error)
+        return None
+
+    def _save_whole(self, kind: str, config: Config, label: str, dataset: xr.Dataset, cost_s: float) -> None:
+        root = self._writable()
+        path = root / kind / f"{label}-{config.key}"
+        files = encode_dataset(dataset)
+        manifest = new_manifest(kind, config, label, files, cost_s)
+        with _lock(root, config.key, timeout=-1), explained(root):
+            if path.exists():
+                if not problems_of(path, kind):
+                    return
+                set_aside(path)
+            create(path, config, manifest, files)
 
     def _writable(self) -> Path:
         if self.writable is None:
@@ -335,11 +351,6 @@ class Writer:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def geometry_label(stream: StreamModel) -> str:
-    """How people recognise a stream's geometry, for example ``leading-9Gyr-64times``."""
-    return f"{stream.arm}-{stream.age_gyr:g}Gyr-{len(stream.impact_times_gyr)}times"
 
 
 # ---------------------------------------------------------------- one entry

@@ -29,15 +29,29 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from streamdash.config import Config, ConfigError, EnsembleConfig, StreamModel
+from streamdash.config import Config, ConfigError, EnsembleConfig, SpectraConfig, StreamModel
 from streamdash.store_codec import DENSITY_BITS, OMEGA_BITS, chunk_count, chunk_files, chunk_streams
 
 DATA = "data.zarr"
 SET_ASIDE = ".damaged-"
 """In the name of a directory that was an entry and could not be used any more."""
-FORMATS = {"ensembles": "streamdash-ensemble-1", "geometries": "streamdash-geometry-1"}
+FORMATS = {
+    "ensembles": "streamdash-ensemble-1",
+    "geometries": "streamdash-geometry-1",
+    "spectra": "streamdash-spectra-1",
+}
 """Schema of each kind of entry: raise the number when the layout changes."""
-CONFIGS: dict[str, type[Config]] = {"ensembles": EnsembleConfig, "geometries": StreamModel}
+CONFIGS: dict[str, type[Config]] = {
+    "ensembles": EnsembleConfig,
+    "geometries": StreamModel,
+    "spectra": SpectraConfig,
+}
+KINDS: dict[str, Literal["ensemble", "geometry", "spectra"]] = {
+    "ensembles": "ensemble",
+    "geometries": "geometry",
+    "spectra": "spectra",
+}
+"""What one entry of each kind is called."""
 
 
 FileName = Annotated[str, Field(pattern=r"^\w[\w.]*(/\w[\w.]*)*$")]
@@ -216,14 +230,14 @@ class Entry:
 
     Attributes
     ----------
-    kind : "ensemble" or "geometry"
+    kind : "ensemble", "geometry" or "spectra"
     key : content hash of `config`; empty for a directory without one.
-    label : mass range of an ensemble, arm and age of a geometry.
+    label : mass range of an ensemble or of spectra, arm and age of a geometry.
     path : the directory.
     state : "complete", "partial", "damaged" or "foreign".
     reason : why it is damaged or foreign, in words; empty otherwise.
     config : what it holds; None when that cannot be read.
-    n_done, n_total : finished and requested streams (1 and 1 for a geometry).
+    n_done, n_total : finished and requested streams (1 and 1 for what has no streams).
     size_bytes : of all its files.
     date : ISO date and time of the last change.
     cost_s : core seconds it took to compute.
@@ -231,7 +245,7 @@ class Entry:
     shipped : whether it lies in a folder that is only read.
     """
 
-    kind: Literal["ensemble", "geometry"]
+    kind: Literal["ensemble", "geometry", "spectra"]
     key: str
     label: str
     path: Path
@@ -250,7 +264,7 @@ class Entry:
 def inspect(path: Path, kind: str, shipped: bool) -> Entry:
     """Read off its files what the directory `path` is."""
     entry = Entry(
-        kind="ensemble" if kind == "ensembles" else "geometry",
+        kind=KINDS[kind],
         key=key_of(path.name.split(SET_ASIDE)[0]) or "",
         label=path.name,
         path=path,
@@ -301,6 +315,17 @@ def problems_of(path: Path, kind: str) -> list[str]:
     except StoreError as error:
         return [str(error)]
     return file_problems(path, manifest.listed(), fresh=True)
+
+
+def geometry_label(stream: StreamModel) -> str:
+    """How people recognise a stream's geometry, for example ``leading-9Gyr-64times``."""
+    return f"{stream.arm}-{stream.age_gyr:g}Gyr-{len(stream.impact_times_gyr)}times"
+
+
+def spectra_label(config: SpectraConfig) -> str:
+    """How people recognise spectra, for example ``1e3-1e5-32times-1000streams``."""
+    n_times = len(config.ensemble.stream.impact_times_gyr)
+    return f"{config.ensemble.perturbers.label}-{n_times}times-{config.n_streams}streams"
 
 
 def streams_in(config: EnsembleConfig, chunks: Iterable[int]) -> int:

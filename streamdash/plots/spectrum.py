@@ -128,7 +128,7 @@ def draw(
 def columns(shown: Shown, kind: str) -> Columns:
     """Arrays of a figure by element label and column name, for `LiveFigure.patch`."""
     scale = shown.noise.scale
-    spans = _spans(scale)
+    spans = scale_spans(scale)
     result: dict[str, dict[str, np.ndarray]] = {SCALES: spans}
     for m, band in enumerate(shown.bands[kind]):
         result[f"band {m}"] = area_columns(band.scale, _drawable(band.low), _drawable(band.high))
@@ -166,7 +166,7 @@ def _drawable(values: np.ndarray) -> np.ndarray:
     return np.maximum(values, 1e-12)
 
 
-def _spans(scale: np.ndarray) -> dict[str, np.ndarray]:
+def scale_spans(scale: np.ndarray) -> dict[str, np.ndarray]:
     """Ranges around the scales, for pointing at."""
     edges = np.sqrt(scale[1:] * scale[:-1])
     return {
@@ -206,7 +206,7 @@ def draw_bispectrum(
 def bispectrum_columns(bispectra: Sequence[Bispectrum], part: Part) -> Columns:
     """Arrays of the figure of a bispectrum by element label and column name."""
     bands = [getattr(b, part) for b in bispectra]
-    spans = _spans(bands[0].scale)
+    spans = scale_spans(bands[0].scale)
     result: dict[str, dict[str, np.ndarray]] = {SCALES: spans}
     for m, band in enumerate(bands):
         result[f"band {m}"] = area_columns(band.scale, _drawable(band.low), _drawable(band.high))

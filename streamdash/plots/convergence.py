@@ -1,0 +1,187 @@
+"""Spectra of a knob's settings over one another (paper, appendix A), and their shifts as numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import holoviews as hv
+import numpy as np
+import pandas as pd
+
+from streamdash.plots.elements import GREY, framed, hover_spans, line
+from streamdash.plots.live import Backend, use
+from streamdash.plots.spectrum import SCALES, area, scale_spans
+from streamdash.plots.style import mass_text
+from streamdash.spectrum import KINDS
+from streamdash.spectrum_ensembles import stored_spectra
+from streamdash.spectrum_lab import Knob, knob
+from streamdash.spectrum_theta import ThetaSpectra
+from streamdash.spectrum_verdicts import Verdict, judge
+from streamdash.store import Cache, StoreError
+
+SEQUENCE = ("#4f6bd8", "#8a54d6", "#b94bb4", "#dc5186", "#ea7152", "#e8952a", "#c9ab00")
+"""Colours of settings in their order, of middling lightness: right on light and dark, and from blue to
+yellow, which no common colour blindness confuses."""
+X_LABEL = "1/k of θ∥ (deg)"
+Y_LABELS = {
+    "density": "√P of Qρ (rad¹ᐟ²)",
+    "track": "√P of ⟨ΔΩ∥⟩/⟨ΔΩ∥⁰⟩ (rad¹ᐟ²)",
+    "cross": "√|P| of both (rad¹ᐟ²)",
+}
+X_RANGE = (1.0, 100.0)
+DECADES = 4
+"""Height of a figure."""
+
+
+def convergence_figure(
+    cache: Cache, key: str, n_streams: int = 1000, seed: int = 0, backend: Backend = "matplotlib"
+) -> hv.Layout:
+    """Density, track and cross spectra of one test of convergence (paper, appendix A).
+
+    Parameters
+    ----------
+    cache
+        Where the spectra are; `streamdash.spectrum_ensembles.compute_missing` puts them there.
+    key
+        Of `streamdash.spectrum_lab.KNOBS`.
+    n_streams, seed
+        Of the ensembles; the shipped ones by default.
+    backend
+        ``matplotlib`` for files, ``bokeh`` for the browser.
+
+    Raises
+    ------
+    StoreError
+        When the spectra are not in the cache.
+    """
+    # Collect
+    chosen = knob(key, n_streams, seed)
+    spectra = collect(cache, chosen)
+    # Plot
+    panels = [draw(chosen, spectra, kind, backend, legend=kind == "density") for kind in KINDS]
+    return hv.Layout(panels).cols(3).opts(sublabel_format="", tight=True, backend="matplotlib")
+
+
+def collect(cache: Cache, chosen: Knob) -> list[ThetaSpectra]:
+    """Spectra of all settings of a knob from the cache.
+
+    Raises
+    ------
+    StoreError
+        When some are not there; names the command that computes them.
+    """
+    found = [stored_spectra(setting.config, cache) for setting in chosen.settings]
+    spectra = [one for one in found if one is not None]
+    if len(spectra) < len(found):
+        raise StoreError(
+            f"The cache lacks the spectra of {len(found) - len(spectra)} of the {len(found)} settings of "
+            f"“{chosen.title}”; run `streamdash convergence --compute {chosen.key}` first."
+        )
+    return spectra
+
+
+def draw(
+    chosen: Knob, spectra: Sequence[ThetaSpectra], kind: str, backend: Backend, legend: bool = False
+) -> hv.Overlay:
+    """Medians of one kind of spectrum at all settings, and the bands of those compared with."""
+    use(backend)
+    references = sorted({setting.reference for setting in chosen.settings})
+    parts: list[hv.Element] = [area("", spectra[i].bands[kind], GREY, backend) for i in references]
+    for i, (setting, found) in enumerate(zip(chosen.settings, spectra, strict=True)):
+        band = found.bands[kind]
+        parts.append(line(setting.label, band.scale, band.median, colour(chosen, i), backend))
+    if backend == "bokeh":
+        spans = scale_spans(spectra[0].scale)
+        tips = [("1/k", "@at{0.0}°")]
+        for i, setting in enumerate(chosen.settings):
+            spans[f"median{i}"] = spectra[i].bands[kind].median
+            tips.append((setting.label, f"@median{i}{{0.00000}}"))
+        parts.append(hover_spans(SCALES, spans, tips))
+    overlay = framed(
+        parts, X_LABEL, Y_LABELS[kind], X_RANGE, y_range(spectra, kind), backend, log=True,
+    )  # fmt: skip
+    if legend and backend == "matplotlib":
+        look = {"legend_position": "bottom_right", "legend_opts": {"fontsize": 6}}
+        return overlay.opts(hv.opts.Overlay(show_legend=True, backend=backend, **look))
+    return overlay
+
+
+def y_range(spectra: Sequence[ThetaSpectra], kind: str) -> tuple[float, float]:
+    """Whole decades, the highest of which holds all bands."""
+    highest = max(float(found.bands[kind].high.max()) for found in spectra)
+    top = np.ceil(np.log10(highest))
+    return float(10.0 ** (top - DECADES)), float(10.0**top)
+
+
+def colour(chosen: Knob, index: int) -> str:
+    """Colour of a setting."""
+    last = max(len(chosen.settings) - 1, 1)
+    return SEQUENCE[round(index * (len(SEQUENCE) - 1) / last)]
+
+
+# ---------------------------------------------------------------- words and numbers
+
+
+def table(chosen: Knob, spectra: Sequence[ThetaSpectra]) -> pd.DataFrame:
+    """The numbers of the figures: per setting, spectrum and scale the median, its error and the band."""
+    parts = [
+        pd.DataFrame(
+            {
+                "knob": chosen.key,
+                "setting": setting.label,
+                "config_key": setting.config.key,
+                "spectrum": kind,
+                "n_streams": band.n_streams,
+                "scale_deg": band.scale,
+                "quantile_16_sqrt_power_rad": band.low,
+                "median_sqrt_power_rad": band.median,
+                "median_error_sqrt_power_rad": found.errors[kind],
+                "quantile_84_sqrt_power_rad": band.high,
+            }
+        )
+        for setting, found in zip(chosen.settings, spectra, strict=True)
+        for kind, band in found.bands.items()
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def shift_table(chosen: Knob, verdict: Verdict) -> pd.DataFrame:
+    """Largest shift of each setting and spectrum, in half bands of the setting compared with."""
+    labels = [setting.label for setting in chosen.settings]
+    return pd.DataFrame(
+        [
+            {
+                "knob": chosen.key,
+                "setting": labels[shift.setting],
+                "compared_with": labels[shift.reference],
+                "spectrum": shift.kind,
+                "largest_shift_half_bands": shift.largest,
+                "error_half_bands": shift.error,
+                "at_scale_deg": shift.scale,
+                "verdict": shift.word,
+            }
+            for shift in verdict.shifts
+        ]
+    )
+
+
+def sentence(chosen: Knob, spectra: Sequence[ThetaSpectra]) -> str:
+    """What the figures show now, in words."""
+    impacts = [found.mean_impacts for found in spectra]
+    streams = {setting.config.n_streams for setting in chosen.settings}
+    cost = sum(found.cost_s for found in spectra)
+    return (
+        f"Medians over {_span(streams)} streams per setting, perturbers of {mass_text(chosen.mass_range)}, "
+        f"{min(impacts):.0f} to {max(impacts):.0f} impacts per stream; grey: the band of 68 % of the streams "
+        f"of the setting that the others are compared with. All of it took {cost / 60:.1f} core minutes."
+    )
+
+
+def measured(cache: Cache, chosen: Knob) -> tuple[list[ThetaSpectra], Verdict]:
+    """Spectra of a knob from the cache, and the verdict on them; raises as `collect` does."""
+    spectra = collect(cache, chosen)
+    return spectra, judge(chosen, spectra)
+
+
+def _span(values: set[int]) -> str:
+    return f"{min(values)}" if len(values) == 1 else f"{min(values)} to {max(values)}"

@@ -1,0 +1,172 @@
+"""Have the spectra converged? Shifts between the settings of a knob, in units of the band.
+
+The shift of a setting is the distance of its median √|P| from that of the setting it is compared
+with, in units of the latter's half band (half of the range of 68 % of the streams): what a shift of
+1 would mean is that the knob matters as much as which stream one happens to look at. The largest
+shift over all scales is what counts; among some fifty scales, a thousand streams leave a largest
+shift of 0.1 to 0.2 by chance alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from streamdash.spectrum import KINDS
+from streamdash.spectrum_lab import Knob
+from streamdash.spectrum_theta import ThetaSpectra
+
+CONVERGED = 0.25
+"""Largest shift, in half bands, that counts as converged."""
+SCATTER = 1.0
+"""Largest shift that is within the scatter of streams."""
+WORDS = ((CONVERGED, "converged"), (SCATTER, "within the scatter of streams"), (np.inf, "not converged"))
+LARGE_SCALE = 30.0
+"""Where the paper says that the impact parameter matters for massive perturbers (deg)."""
+
+
+@dataclass(frozen=True)
+class Shift:
+    """Largest shift of one spectrum of one setting.
+
+    Attributes
+    ----------
+    setting, reference : indices of the setting and of the one it is compared with.
+    kind : which spectrum (`streamdash.spectrum.KINDS`).
+    largest : in half bands of the reference, with its sign: positive where there is more power.
+    error : standard error of that shift from the finite numbers of streams; an upper limit where
+        both settings see the same impacts or streams.
+    scale : 1/k where it occurs (deg).
+    largest_below : absolute value of the largest shift at scales below `LARGE_SCALE`.
+    """
+
+    setting: int
+    reference: int
+    kind: str
+    largest: float
+    error: float
+    scale: float
+    largest_below: float
+
+    @property
+    def word(self) -> str:
+        """The verdict on this shift."""
+        return verdict_word(self.largest)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict on one knob.
+
+    Attributes
+    ----------
+    shifts : of every setting that is compared, and every kind of spectrum.
+    worst : the largest of those that the paper calls converged (all, where there is no order).
+    converged_from : index of the first setting from which on all are converged; None where there
+        is no order, or where only the reference itself is.
+    """
+
+    shifts: tuple[Shift, ...]
+    worst: Shift
+    converged_from: int | None
+
+    @property
+    def word(self) -> str:
+        """The verdict on the settings that the paper calls converged."""
+        return self.worst.word
+
+    def of(self, setting: int) -> Shift | None:
+        """The largest shift of a setting over the three spectra; None for a reference."""
+        own = [shift for shift in self.shifts if shift.setting == setting]
+        return max(own, key=lambda shift: abs(shift.largest)) if own else None
+
+
+def verdict_word(shift: float) -> str:
+    """Word for a shift in half bands: converged up to 0.25, within the scatter up to 1, or not converged."""
+    return next(word for end, word in WORDS if abs(shift) <= end)
+
+
+def judge(knob: Knob, spectra: Sequence[ThetaSpectra]) -> Verdict:
+    """Shifts and verdict of a knob.
+
+    Parameters
+    ----------
+    knob : Knob
+    spectra : one per setting, in their order.
+    """
+    shifts = tuple(
+        shift_of(spectra, i, setting.reference, kind)
+        for i, setting in enumerate(knob.settings)
+        if setting.reference != i
+        for kind in KINDS
+    )
+    claimed = [shift for shift in shifts if shift.setting >= knob.claim]
+    worst = max(claimed, key=lambda shift: abs(shift.largest))
+    return Verdict(shifts, worst, _converged_from(knob, shifts) if knob.ordered else None)
+
+
+def shift_of(spectra: Sequence[ThetaSpectra], setting: int, reference: int, kind: str) -> Shift:
+    """The largest shift of one setting's spectrum from another's."""
+    one, other = spectra[setting], spectra[reference]
+    half = other.bands[kind].half_width
+    shift = (one.bands[kind].median - other.bands[kind].median) / half
+    error = np.hypot(one.errors[kind], other.errors[kind]) / half
+    at = int(np.argmax(np.abs(shift)))
+    small = np.abs(shift[other.scale < LARGE_SCALE])
+    return Shift(
+        setting,
+        reference,
+        kind,
+        float(shift[at]),
+        float(error[at]),
+        float(other.scale[at]),
+        float(small.max()) if len(small) else 0.0,
+    )
+
+
+def _converged_from(knob: Knob, shifts: Sequence[Shift]) -> int | None:
+    last = len(knob.settings) - 1
+    bad = [shift.setting for shift in shifts if abs(shift.largest) > CONVERGED]
+    first = max(bad, default=-1) + 1
+    return first if first < last else None
+
+
+# ---------------------------------------------------------------- words
+
+SPECTRUM_WORDS: Mapping[str, str] = {
+    "density": "the density spectrum",
+    "track": "the track spectrum",
+    "cross": "the cross spectrum",
+}
+
+
+def verdict_sentence(knob: Knob, verdict: Verdict) -> str:
+    """The verdict on a knob in words and numbers."""
+    worst = verdict.worst
+    labels = [setting.label for setting in knob.settings]
+    largest = (
+        f"{labels[worst.setting]} against {labels[worst.reference]} shifts the median of "
+        f"{SPECTRUM_WORDS[worst.kind]} by {worst.largest:+.2f} ± {worst.error:.2f} half bands at "
+        f"{worst.scale:.1f}°"
+    )
+    if not knob.ordered:
+        return f"{worst.word.capitalize()}: at most, {largest}."
+    if verdict.converged_from is None:
+        start = f"Only {labels[-1]} itself is within {CONVERGED:g} half bands of itself"
+    elif verdict.converged_from == 0:
+        start = "Converged at every setting"
+    else:
+        start = f"Converged from {labels[verdict.converged_from]} on"
+    if knob.paper:
+        return f"{start}. Of what the paper calls converged, {largest}: {worst.word}."
+    return f"{start}. At most, {largest}: {worst.word}."
+
+
+def scale_sentence(knob: Knob, verdict: Verdict) -> str:
+    """Where on the sky the claimed settings differ: overall, and at scales below 30°."""
+    claimed = [shift for shift in verdict.shifts if shift.setting >= knob.claim]
+    below = max(shift.largest_below for shift in claimed)
+    word = verdict_word(below)
+    return f"Below {LARGE_SCALE:g}° these settings shift by {below:.2f} half bands at most: {word}."
