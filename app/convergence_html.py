@@ -33,7 +33,8 @@ def verdicts_html(found: Sequence[Measured], lacking: Sequence[Knob]) -> str:
         rows.append(
             f"<tr><th scope='row'><a href='?page=convergence&amp;knob={html.escape(one.knob.key)}'>"
             f"{html.escape(one.knob.title)}</a></th>"
-            f"<td class='number'>{worst.largest:+.2f} ± {worst.error:.2f}<small>at {worst.scale:.1f}°</small></td>"
+            f"<td class='number'>{worst.largest:+.2f} ± {worst.error:.2f}"
+            f"<small>at {worst.scale:.1f}°</small></td>"
             f"<td>{SIGNS[worst.word]} {worst.word}</td>"
             f"<td>{html.escape(one.knob.paper) or 'no such test'}</td></tr>"
         )

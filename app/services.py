@@ -53,11 +53,14 @@ class Services:
     ----------
     work : Work
         Long computations with progress and cancel.
+    laboratory : Work
+        The same for simulations of convergence tests, which nothing else should wait for.
     """
 
     def __init__(self, cache: Cache, memory: int = MEMORY_BYTES) -> None:
         self.cache = cache
         self.work = Work()
+        self.laboratory = Work()
         self._results: LRUCache = LRUCache(memory, getsizeof=_size)
         self._running: dict[Hashable, tuple[Future, int]] = {}
         self._lock = threading.Lock()

@@ -15,6 +15,8 @@ import param
 
 from app.catalog import CLASSES_MAX, CLASSES_MIN, Catalog
 from app.fields import Field, integer, number, option
+from app.state_convergence import FIELDS as CONVERGENCE
+from app.state_convergence import ConvergenceState
 from app.state_learn import FIELDS as LEARN
 from app.state_learn import LearnState
 from app.state_observe import FIELDS as OBSERVE
@@ -48,11 +50,12 @@ FIELDS: dict[str, Field] = {
     "theme": option("default", "dark"),
     **LEARN,
     **OBSERVE,
+    **CONVERGENCE,
 }
 """Values that can be checked alone; ``page``, ``stream`` and ``mass`` need to know what exists."""
 
 
-class Session(LearnState, ObserveState):
+class Session(LearnState, ObserveState, ConvergenceState):
     """One browser session's choices. Widgets bind to these; the URL follows them."""
 
     page = param.String("", doc="key of the page shown; empty: the first")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import param
 
 from app.fields import Field, integer, option
@@ -21,8 +23,8 @@ FIELDS: dict[str, Field] = {
 class ConvergenceState(param.Parameterized):
     """Choices of the Convergence page."""
 
-    knob = param.Selector(default=next(iter(KNOBS)), objects=list(KNOBS), doc="test of convergence shown")
-    lab_streams = param.Selector(
+    knob: Any = param.Selector(default=next(iter(KNOBS)), objects=list(KNOBS), doc="test shown")
+    lab_streams: Any = param.Selector(
         default=str(N_STREAMS), objects=[str(size) for size in SIZES], doc="streams per setting"
     )
     lab_seed = param.Integer(0, bounds=(0, SEED_MAX), doc="seed of the settings' random numbers")

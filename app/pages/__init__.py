@@ -61,6 +61,7 @@ from __future__ import annotations
 
 from app.pages.base import Page
 from app.pages.classifier import ClassifierPage
+from app.pages.convergence import ConvergencePage
 from app.pages.evidence import EvidencePage
 from app.pages.learn import LearnPage
 from app.pages.observe import ObservePage
@@ -75,6 +76,7 @@ PAGES: tuple[type[Page], ...] = (
     ClassifierPage,
     ObservePage,
     SpectrumPage,
+    ConvergencePage,
     LearnPage,
 )
 """All pages, in the navigation's order."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from typing import Any
 
 import holoviews as hv
@@ -13,7 +14,7 @@ from app.convergence_html import STYLE, shifts_html, verdicts_html
 from app.pages.base import Page
 from app.services import Services
 from app.state import Session
-from app.state_convergence import SEED_MAX, SIZES
+from app.state_convergence import SIZES
 from app.study import TaskControls
 from app.work import Compute, Task, Watch
 from streamdash.classifier_data import Cancelled
@@ -42,6 +43,7 @@ class ConvergencePage(Page):
     def __init__(self, session: Session, services: Services) -> None:
         super().__init__(session, services)
         self.measured: Measured | None = None
+        self.found: list[Measured] = []
 
     def view(self) -> Viewable:
         self.watch = Watch(self._show_task)
@@ -74,7 +76,9 @@ class ConvergencePage(Page):
 
     def code(self) -> str:
         """Lines of Python that compute, draw and judge the chosen test."""
-        arguments = f'"{self.session.knob}", n_streams={self.session.lab_streams}, seed={self.session.lab_seed}'
+        arguments = (
+            f'"{self.session.knob}", n_streams={self.session.lab_streams}, seed={self.session.lab_seed}'
+        )
         return (
             "from pathlib import Path\n\n"
             "from streamdash.plots.convergence import convergence_figure, measured\n"
@@ -104,9 +108,7 @@ class ConvergencePage(Page):
     def _make_cards(self) -> None:
         self.card = ui.FigureCard(
             "One test of convergence",
-            pn.Column(
-                self.question, self.task.view, self.figures, self.table, sizing_mode=ui.WIDE, margin=0
-            ),
+            pn.Column(self.question, self.task.view, self.figures, self.table, sizing_mode=ui.WIDE, margin=0),
             name="convergence",
             image=lambda kind: export(self._layout(), kind),
             table=lambda: convergence.table(self.knob, self._ready().spectra),
@@ -117,15 +119,15 @@ class ConvergencePage(Page):
             "All tests at a glance",
             self.all,
             name="verdicts",
-            image=lambda kind: export(self._layout(), kind),
-            table=lambda: convergence.all_shifts(measure(self.services.cache)[0]),
+            image=lambda kind: export(convergence.draw_verdicts(self.found, "matplotlib"), kind),
+            table=lambda: convergence.all_shifts(self.found),
             code=lambda: VERDICTS_CODE,
         )
 
     def _show(self) -> None:
         """The chosen test, as far as it is in the cache."""
         chosen = self.knob
-        self.question.object = ui.escaped(f"{chosen.question} {_paper(chosen)}")
+        self.question.object = html.escape(f"{chosen.question} {_paper(chosen)}")
         found, _ = measure(
             self.services.cache, [chosen.key], int(self.session.lab_streams), self.session.lab_seed
         )
@@ -146,7 +148,8 @@ class ConvergencePage(Page):
             return
         self.task.text.text = ""
         figures = [
-            LiveFigure(convergence.draw(chosen, self.measured.spectra, kind, "bokeh")).figure for kind in KINDS
+            LiveFigure(convergence.draw(chosen, self.measured.spectra, kind, "bokeh")).figure
+            for kind in KINDS
         ]
         self.figures[:] = [ui.figure_grid(figures)]
         self.table.object = shifts_html(self.measured)
@@ -155,10 +158,12 @@ class ConvergencePage(Page):
 
     def _show_all(self) -> None:
         """The verdicts on the shipped settings of all tests."""
-        found, lacking = measure(self.services.cache)
-        self.all.object = verdicts_html(found, lacking)
-        if found:
-            self.all_card.say(f"What all of this took: {cost_sentence(cost(self.services.cache, found))}")
+        self.found, lacking = measure(self.services.cache)
+        self.all.object = verdicts_html(self.found, lacking)
+        if self.found:
+            self.all_card.say(
+                f"What all of this took: {cost_sentence(cost(self.services.cache, self.found))}"
+            )
 
     def _show_task(self, task: Task) -> None:
         self.task.show(task)
@@ -193,7 +198,7 @@ class ConvergencePage(Page):
 
 
 def _paper(chosen: Knob) -> str:
-    return f"The paper: “{chosen.paper}”" if chosen.paper else "The paper has no such test."
+    return f"The paper: {chosen.paper}" if chosen.paper else "The paper has no such test."
 
 
 VERDICTS_CODE = """from streamdash.spectrum_text import convergence_markdown, cost, measure

@@ -8,15 +8,25 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
-from streamdash.plots.elements import GREY, framed, hover_spans, line
+from streamdash.plots.elements import (
+    GREY,
+    error_bars,
+    framed,
+    hover_spans,
+    level_lines,
+    line,
+    nice_top,
+    points,
+)
 from streamdash.plots.live import Backend, use
 from streamdash.plots.spectrum import SCALES, area, scale_spans
 from streamdash.plots.style import mass_text
 from streamdash.spectrum import KINDS
 from streamdash.spectrum_ensembles import stored_spectra
 from streamdash.spectrum_lab import Knob, knob
+from streamdash.spectrum_text import Measured
 from streamdash.spectrum_theta import ThetaSpectra
-from streamdash.spectrum_verdicts import Verdict, judge
+from streamdash.spectrum_verdicts import CONVERGED, SCATTER, Verdict, judge
 from streamdash.store import Cache, StoreError
 
 SEQUENCE = ("#4f6bd8", "#8a54d6", "#b94bb4", "#dc5186", "#ea7152", "#e8952a", "#c9ab00")
@@ -119,6 +129,23 @@ def colour(chosen: Knob, index: int) -> str:
     return SEQUENCE[round(index * (len(SEQUENCE) - 1) / last)]
 
 
+def draw_verdicts(found: Sequence[Measured], backend: Backend) -> hv.Overlay:
+    """Largest shift of each test among the settings that the paper calls converged, with its error."""
+    use(backend)
+    worst = [one.verdict.worst for one in found]
+    x = np.arange(len(worst), dtype=float)
+    y, error = np.array([abs(shift.largest) for shift in worst]), np.array([shift.error for shift in worst])
+    parts: list[hv.Element] = [
+        level_lines("levels", [CONVERGED, SCATTER], backend),
+        error_bars("errors", x, y - error, y + error, GREY, backend),
+        points("shifts", x, y, SEQUENCE[0], backend),
+    ]
+    top = nice_top(max(float((y + error).max()), SCATTER))
+    overlay = framed(parts, "test", "largest shift (half bands)", (-0.5, len(x) - 0.5), (0.0, top), backend)
+    ticks = [(i, one.knob.key) for i, one in enumerate(found)]
+    return overlay.opts(hv.opts.Overlay(xticks=ticks, xrotation=45, backend=backend))
+
+
 # ---------------------------------------------------------------- words and numbers
 
 
@@ -163,6 +190,11 @@ def shift_table(chosen: Knob, verdict: Verdict) -> pd.DataFrame:
             for shift in verdict.shifts
         ]
     )
+
+
+def all_shifts(found: Sequence[Measured]) -> pd.DataFrame:
+    """`shift_table` of several tests."""
+    return pd.concat([shift_table(one.knob, one.verdict) for one in found], ignore_index=True)
 
 
 def sentence(chosen: Knob, spectra: Sequence[ThetaSpectra]) -> str:
