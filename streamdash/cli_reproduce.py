@@ -1,14 +1,19 @@
-"""``streamdash reproduce``: the paper's evidence, classifier, tables and figures 1 to 5 from the cache."""
+"""``streamdash reproduce``: the paper's evidence, classifier, tables and figures from the cache."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from streamdash.cli_common import CacheOption, InputError, make_cache, messages
+
+if TYPE_CHECKING:
+    from streamdash.config import EnsembleConfig
+    from streamdash.store import Cache
 
 
 def reproduce_command(
@@ -24,7 +29,9 @@ def reproduce_command(
     ] = None,
     figures: Annotated[
         Path | None,
-        typer.Option("--figures", metavar="DIR", help="Also draw figures 1 to 5 there, as PNG and SVG."),
+        typer.Option(
+            "--figures", metavar="DIR", help="Also draw figures 1 to 5 and those of the appendices."
+        ),
     ] = None,
     choices: Annotated[
         bool, typer.Option("--choices", help="Also measure what each choice left open by the paper does.")
@@ -38,7 +45,8 @@ def reproduce_command(
     classifier: Annotated[
         bool,
         typer.Option(
-            "--classifier/--no-classifier", help="Also train the classifiers of table 2, about a minute."
+            "--classifier/--no-classifier",
+            help="Also train the classifiers of table 2, and one on each statistic.",
         ),
     ] = True,
     cache: CacheOption = None,
@@ -69,15 +77,33 @@ def reproduce_command(
         write(folder / "classifier.json", json.dumps(rounded(scores), indent=1, ensure_ascii=False) + "\n")
         write(folder / "table2.md", classifier_markdown(scores))
         print(f"\n{classifier_markdown(scores)}", end="")
+        write_statistics(where, configs, folder)
     if text is not None:
         from streamdash.reproduce_differences import differences
 
         write(text, differences(rounded(results)))
     if figures is not None:
-        from streamdash.plots.paper import save_figures
+        from streamdash.plots.paper import save_appendix_figures, save_figures
 
-        for path in save_figures(where, sample, figures):
-            messages.print(f"{path}", markup=False)
+        appendices, lacking = save_appendix_figures(where, sample, figures)
+        for line in (*save_figures(where, sample, figures), *appendices, *lacking):
+            messages.print(f"{line}", markup=False)
+
+
+def write_statistics(cache: Cache, configs: Mapping[str, EnsembleConfig], folder: Path) -> None:
+    """Compare what the PDF, the power spectrum and the profile keep, for the paper's sets of classes."""
+    from streamdash.classifier_data import read_streams
+    from streamdash.reproduce import NOISE, THREE_CLASSES, TWO_CLASSES
+    from streamdash.reproduce_statistics import compare_statistics, statistics_markdown, statistics_numbers
+
+    found = []
+    for labels in (TWO_CLASSES, THREE_CLASSES):
+        streams = read_streams(cache, [configs[label] for label in labels])
+        found.append(statistics_numbers(compare_statistics(streams, NOISE), labels, NOISE))
+    write(folder / "statistics.json", json.dumps(rounded(found), indent=1, ensure_ascii=False) + "\n")
+    text = "\n".join(statistics_markdown(numbers) for numbers in found)
+    write(folder / "statistics.md", text)
+    print(f"\n{text}", end="")
 
 
 def make_folder(directory: Path) -> None:

@@ -25,9 +25,12 @@ from sklearn.decomposition import PCA
 from sklearn.preprocessing import StandardScaler
 
 from streamdash.config import Config
+from streamdash.spectrum import power_spectrum
 
-Summary = Literal["moments", "quantiles", "bands", "spectrum", "histogram", "profile"]
+Summary = Literal["moments", "quantiles", "bands", "spectrum", "histogram", "profile", "power"]
 ALL_SUMMARIES: tuple[Summary, ...] = ("moments", "quantiles", "bands", "spectrum", "histogram", "profile")
+"""What a classifier is given unless asked otherwise. ``power``, the power spectrum as the field measures
+it, would add nothing to them; it is for classifiers that see nothing else."""
 
 QUANTILES = np.array([0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99])
 HISTOGRAM_EDGES = np.array([0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.4, 1.6, 1.8, 2.0, 2.5])
@@ -37,6 +40,8 @@ PLACE_BINS = 15
 """Profiles smoothed over fewer bins are not features themselves."""
 N_WAVENUMBERS = 15
 """Logarithmic bins of the power spectrum."""
+FINEST_WAVE = 5
+"""Shortest wavelength of ``power`` in bins: 1° for bins of 0.2°."""
 POWER_FLOOR = 1e-6
 """Added before the logarithm of a power, so that a constant profile has one."""
 
@@ -207,6 +212,17 @@ def _spectrum(smoothed: Scales) -> np.ndarray:
     return np.log(np.stack(columns, axis=1) + POWER_FLOOR)
 
 
+def _power(smoothed: Scales) -> np.ndarray:
+    """Log power at every wavenumber, in the conventions of `streamdash.spectrum`."""
+    q = smoothed[1]
+    return np.log(power_spectrum(q, 1.0)[1][:, : _n_waves(q.shape[1])] + POWER_FLOOR)
+
+
+def _n_waves(n_bins: int) -> int:
+    """Number of wavenumbers whose power is a feature."""
+    return max(1, (n_bins - 1) // FINEST_WAVE)
+
+
 def _histogram(smoothed: Scales) -> np.ndarray:
     """Share of bins with Qρ in each interval of `HISTOGRAM_EDGES`, and below and above them."""
     q = smoothed[1]
@@ -233,6 +249,7 @@ _COMPUTE: dict[Summary, Callable[[Scales], np.ndarray]] = {
     "spectrum": _spectrum,
     "histogram": _histogram,
     "profile": _profile,
+    "power": _power,
 }
 
 
@@ -248,6 +265,8 @@ def _names(summary: Summary, widths: tuple[int, ...], n_bins: int) -> list[str]:
         return [f"{p} of {a} - {b}" for a, b in zip(scales[:-1], scales[1:], strict=True) for p in parts]
     if summary == "spectrum":
         return [f"P(k) bin {i + 1}" for i in range(N_WAVENUMBERS)]
+    if summary == "power":
+        return [f"P(k) of {j + 1} waves along the stream" for j in range(_n_waves(n_bins))]
     if summary == "profile":
         wide = [w for w in widths if w >= PLACE_BINS]
         return [f"Qρ of {w} bins at bin {place}" for w in wide for place in _places(w, n_bins)]

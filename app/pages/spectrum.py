@@ -13,6 +13,8 @@ from app.compared import code_head, configs, noisy_profiles
 from app.later import Later
 from app.pages.base import Page
 from app.spectrum_html import STYLE, statements_html
+from app.spectrum_study import statistics_study
+from app.study import StudyCard
 from streamdash.plots import spectrum
 from streamdash.plots.live import LiveFigure, export
 from streamdash.spectrum import NoisySpectra, SpectrumBand, noisy_spectra, shot_noise_level, track_ratio
@@ -55,6 +57,9 @@ class SpectrumPage(Page):
             part: pn.Column(ui.plain_text(WAITING), sizing_mode=ui.WIDE, margin=0) for part in PARTS
         }
         self._make_cards(len(chosen))
+        study = statistics_study(self.services, self.session)
+        self.statistics = StudyCard(study, self.services.work, len(chosen))
+        self.statistics.renew()
         self._say()
         self._ask()
         classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
@@ -64,6 +69,7 @@ class SpectrumPage(Page):
             self.card.view,
             self.track_card.view,
             self.bispectrum_card.view,
+            self.statistics.view,
         )
 
     def update(self, changed: frozenset[str]) -> None:
@@ -75,9 +81,11 @@ class SpectrumPage(Page):
                 live.patch(spectrum.columns(self.data, kind))
             self._say()
             self._ask()
+            self.statistics.renew()
 
     def close(self) -> None:
         self.later.cancel()
+        self.statistics.close()
         super().close()
 
     # ------------------------------------------------------------ code shown

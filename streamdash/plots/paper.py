@@ -1,4 +1,4 @@
-"""The paper's figures 1 to 5 as files, drawn with Matplotlib."""
+"""The paper's figures 1 to 5 and those of its appendices as files, drawn with Matplotlib."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from pathlib import Path
 import holoviews as hv
 
 from streamdash.evidence import PAPER_N_BINS, Comparison, compare
-from streamdash.plots import evidence, pdf, profiles
+from streamdash.plots import convergence, evidence, pdf, profiles, spectrum
 from streamdash.plots.live import use
 from streamdash.plots.style import mass_text
 from streamdash.reproduce import NOISE, THREE_CLASSES, TWO_CLASSES, Sample
-from streamdash.store import Cache
+from streamdash.store import Cache, StoreError
 
 DPI = 150
 FIGURE_4_N_BIN = 20
@@ -35,14 +35,37 @@ def save_figures(cache: Cache, sample: Sample, folder: Path) -> list[Path]:
     list of Path
         The files written.
     """
-    renderer = use("matplotlib")
-    paths = []
-    for number, make in FIGURES.items():
-        drawn = renderer.get_plot(make(cache, sample)).state  # drawn once for both kinds of file
-        for kind in ("png", "svg"):
-            paths.append(folder / f"figure{number}.{kind}")
-            drawn.savefig(paths[-1], dpi=DPI, bbox_inches="tight")
-    return paths
+    return [
+        path
+        for number, make in FIGURES.items()
+        for path in _save(make(cache, sample), folder / f"figure{number}")
+    ]
+
+
+def save_appendix_figures(cache: Cache, sample: Sample, folder: Path) -> tuple[list[Path], list[str]]:
+    """Draw the figures of appendices A and B, each as ``appendix….png`` and ``.svg``.
+
+    Parameters
+    ----------
+    cache, sample, folder
+        As for `save_figures`; figures of appendix A are drawn from the spectra in the cache.
+
+    Returns
+    -------
+    list of Path, list of str
+        The files written, and a sentence for each figure whose spectra the cache lacks.
+    """
+    keys = [entry.key for entry in sample.only(TWO_CLASSES).entries]
+    paths = _save(spectrum.spectrum_figure(cache, keys, noise=NOISE), folder / "appendixB")
+    lacking = []
+    for number, key in enumerate(APPENDIX_A, start=1):
+        try:
+            figure = convergence.convergence_figure(cache, key)
+        except StoreError as error:
+            lacking.append(str(error))
+        else:
+            paths += _save(figure, folder / f"appendixA{number}")
+    return paths, lacking
 
 
 def figure_1(cache: Cache, sample: Sample) -> hv.Layout:
@@ -103,6 +126,19 @@ FIGURES: dict[int, Callable[[Cache, Sample], hv.Layout]] = {
     4: figure_4,
     5: figure_5,
 }
+
+
+APPENDIX_A = ("phase", "times", "x", "length", "profile")
+"""Keys of the convergence tests in the order of the figures of appendix A."""
+
+
+def _save(figure: hv.Layout | hv.Overlay, stem: Path) -> list[Path]:
+    """Draw a figure once, and write it as PNG and SVG."""
+    drawn = use("matplotlib").get_plot(figure).state
+    paths = [stem.with_name(f"{stem.name}.{kind}") for kind in ("png", "svg")]
+    for path in paths:
+        drawn.savefig(path, dpi=DPI, bbox_inches="tight")
+    return paths
 
 
 def _densities(cache: Cache, sample: Sample, labels: Sequence[str]) -> hv.Layout:
