@@ -21,7 +21,7 @@ a { color: inherit; }
 .mark { display: inline-block; width: 22px; height: 4px; vertical-align: middle; margin-right: 6px; }
 """
 )
-SIGNS = {"converged": "✓", "within the scatter of streams": "≈", "not converged": "✗"}
+SIGNS = {"agrees": "✓", "within the scatter of streams": "≈", "differs": "✗"}
 HEADS = {"density": "Density", "track": "Track", "cross": "Cross"}
 
 

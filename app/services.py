@@ -121,7 +121,7 @@ class Services:
 
     def catalog(self) -> Catalog:
         """Streams and ensembles there are now."""
-        return read_catalog(self.cache.entries())
+        return read_catalog(self.cache.entries(("ensembles", "geometries")))
 
     def geometry(self, stream: StreamModel) -> Geometry:
         """Geometry of a stream, from the cache only: computing it takes minutes.

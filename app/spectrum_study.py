@@ -53,6 +53,6 @@ def statistics_study(services: Services, session: Session) -> Study:
         lambda rows: statistics.statistics_table(rows, streams.labels),
         statistics.statistics_sentence,
         code,
-        (("line", "information on the class, ± standard error; grey line: certainty"),),
+        (("none", "information on the class with its standard error; upright line: certainty"),),
         lambda rows: pn.pane.HTML(statistics_html(rows), stylesheets=[STYLE], sizing_mode=ui.WIDE),
     )

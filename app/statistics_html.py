@@ -6,7 +6,7 @@ import html
 from collections.abc import Sequence
 
 from app.classifier_html import STYLE
-from streamdash.evidence import jeffreys
+from streamdash.plots.evidence import words
 from streamdash.reproduce_statistics import Kept, ln_b_text
 
 __all__ = ["STYLE", "statistics_html"]
@@ -40,4 +40,4 @@ def _ln_b(row: Kept, pair: tuple[int, int]) -> str:
     found = row.evidence.get(pair)
     if found is None:
         return "–"
-    return f"{ln_b_text(found.value, found.n_unresolved)}<small>{jeffreys(found.value)}</small>"
+    return f"{ln_b_text(found.value, found.n_unresolved)}<small>{words(found.value)}</small>"

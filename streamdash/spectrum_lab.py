@@ -117,7 +117,7 @@ def _phase(n_streams: int, seed: int) -> Knob:
         "phase",
         "Orbital phase of the impacts",
         "All impacts at one time, near 1 or near 3 Gyr ago: with the stream at its pericentre, at its "
-        "apocentre or between. Compared with the pericentre of the same age.",
+        "apocentre or between. Compared with the pericentre nearby.",
         "The dependence on the orbital phase is not relevant; impacts 3 Gyr ago leave more power.",
         tuple(settings),
     )

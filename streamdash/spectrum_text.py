@@ -10,7 +10,7 @@ from streamdash.spectrum_ensembles import stored_spectra
 from streamdash.spectrum_lab import KNOBS, Knob, knob
 from streamdash.spectrum_theta import ThetaSpectra
 from streamdash.spectrum_verdicts import (
-    CONVERGED,
+    AGREES,
     LARGE_SCALE,
     SCATTER,
     Verdict,
@@ -70,7 +70,7 @@ def cost(cache: Cache, found: Sequence[Measured]) -> Cost:
             key, counted = setting.config.ensemble.key, (setting.config.n_streams, spectra.cost_s)
             largest[key] = max(largest.get(key, (0, 0.0)), counted)
             streams.add(setting.config.ensemble.stream.key)
-    entries = {e.key: e.cost_s for e in cache.entries() if e.kind == "geometry"}
+    entries = {e.key: e.cost_s for e in cache.entries(("geometries",))}
     return Cost(
         len(largest),
         sum(n for n, _ in largest.values()),
@@ -119,7 +119,8 @@ def cost_sentence(spent: Cost) -> str:
     return (
         f"{spent.n_ensembles} ensembles, {spent.n_streams} streams: {spent.streams_s / 60:.1f} core minutes "
         f"for the streams and {spent.geometries_s / 60:.1f} for the geometry at their impact times, "
-        f"{spent.total_s / 60:.1f} in all."
+        f"{spent.total_s / 60:.1f} in all (by the clock of each worker: an upper limit where the machine was "
+        "busy with other things)."
     )
 
 
@@ -130,8 +131,8 @@ def convergence_markdown(found: Sequence[Measured], spent: Cost) -> str:
         "The tests of the paper's appendix A and some more, on power spectra of the density, of the track in "
         "parallel frequency, and on their cross spectrum along parallel angle, 1/k from 1° to the length of "
         "the stream. A shift is the distance of two settings' medians in half bands, half the range of 68 % "
-        f"of the streams. Up to {CONVERGED:g} counts as converged (a thousand streams leave 0.1 to 0.2 by "
-        f"chance), up to {SCATTER:g} as within the scatter of streams. Written by "
+        f"of the streams. Up to {AGREES:g} spectra agree (a thousand streams leave 0.1 to 0.2 by chance), up "
+        f"to {SCATTER:g} they differ within the scatter of streams. Written by "
         "`streamdash convergence --text`.\n",
         f"Cost: {cost_sentence(spent)}\n",
         "| test | largest shift | at | verdict | paper |",

@@ -1,4 +1,4 @@
-"""Have the spectra converged? Shifts between the settings of a knob, in units of the band.
+"""Do the spectra agree? Shifts between the settings of a knob, in units of the band.
 
 The shift of a setting is the distance of its median √|P| from that of the setting it is compared
 with, in units of the latter's half band (half of the range of 68 % of the streams): what a shift of
@@ -18,11 +18,11 @@ from streamdash.spectrum import KINDS
 from streamdash.spectrum_lab import Knob
 from streamdash.spectrum_theta import ThetaSpectra
 
-CONVERGED = 0.25
-"""Largest shift, in half bands, that counts as converged."""
+AGREES = 0.25
+"""Largest shift, in half bands, of spectra that agree; a knob has converged where they do."""
 SCATTER = 1.0
 """Largest shift that is within the scatter of streams."""
-WORDS = ((CONVERGED, "converged"), (SCATTER, "within the scatter of streams"), (np.inf, "not converged"))
+WORDS = ((AGREES, "agrees"), (SCATTER, "within the scatter of streams"), (np.inf, "differs"))
 LARGE_SCALE = 30.0
 """Where the paper says that the impact parameter matters for massive perturbers (deg)."""
 
@@ -84,7 +84,7 @@ class Verdict:
 
 
 def verdict_word(shift: float) -> str:
-    """Word for a shift in half bands: converged up to 0.25, within the scatter up to 1, or not converged."""
+    """Word for a shift in half bands: agrees to 0.25, within the scatter of streams to 1, or differs."""
     return next(word for end, word in WORDS if abs(shift) <= end)
 
 
@@ -128,7 +128,7 @@ def shift_of(spectra: Sequence[ThetaSpectra], setting: int, reference: int, kind
 
 def _converged_from(knob: Knob, shifts: Sequence[Shift]) -> int | None:
     last = len(knob.settings) - 1
-    bad = [shift.setting for shift in shifts if abs(shift.largest) > CONVERGED]
+    bad = [shift.setting for shift in shifts if abs(shift.largest) > AGREES]
     first = max(bad, default=-1) + 1
     return first if first < last else None
 
@@ -154,7 +154,7 @@ def verdict_sentence(knob: Knob, verdict: Verdict) -> str:
     if not knob.ordered:
         return f"{worst.word.capitalize()}: at most, {largest}."
     if verdict.converged_from is None:
-        start = f"Only {labels[-1]} itself is within {CONVERGED:g} half bands of itself"
+        start = f"Only {labels[-1]} itself is within {AGREES:g} half bands of itself"
     elif verdict.converged_from == 0:
         start = "Converged at every setting"
     else:

@@ -13,7 +13,7 @@ import os
 import shutil
 import tempfile
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -107,10 +107,10 @@ class Cache:
 
     # ------------------------------------------------------------ looking
 
-    def entries(self) -> list[Entry]:
-        """Everything found in the cache, complete or not, ensembles first."""
+    def entries(self, kinds: Iterable[str] = tuple(FORMATS)) -> list[Entry]:
+        """Everything of some kinds (all: `FORMATS`) in the cache, complete or not, ensembles first."""
         found = []
-        for kind in FORMATS:
+        for kind in kinds:
             for root in self.roots:
                 for path in _children(root / kind):
                     found.append(inspect(path, kind, shipped=root != self.writable))

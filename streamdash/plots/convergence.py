@@ -26,7 +26,7 @@ from streamdash.spectrum_ensembles import stored_spectra
 from streamdash.spectrum_lab import Knob, knob
 from streamdash.spectrum_text import Measured
 from streamdash.spectrum_theta import ThetaSpectra
-from streamdash.spectrum_verdicts import CONVERGED, SCATTER, Verdict, judge
+from streamdash.spectrum_verdicts import AGREES, SCATTER, Verdict, judge
 from streamdash.store import Cache, StoreError
 
 SEQUENCE = ("#4f6bd8", "#8a54d6", "#b94bb4", "#dc5186", "#ea7152", "#e8952a", "#c9ab00")
@@ -136,7 +136,7 @@ def draw_verdicts(found: Sequence[Measured], backend: Backend) -> hv.Overlay:
     x = np.arange(len(worst), dtype=float)
     y, error = np.array([abs(shift.largest) for shift in worst]), np.array([shift.error for shift in worst])
     parts: list[hv.Element] = [
-        level_lines("levels", [CONVERGED, SCATTER], backend),
+        level_lines("levels", [AGREES, SCATTER], backend),
         error_bars("errors", x, y - error, y + error, GREY, backend),
         points("shifts", x, y, SEQUENCE[0], backend),
     ]

@@ -111,7 +111,7 @@ def test_convergence_counts_from_where_on_nothing_shifts_any_more(medians, start
 
 def test_words_of_verdicts():
     assert [verdict_word(x) for x in (0.0, -0.25, 0.26, -1.0, 1.01)] == [
-        "converged", "converged", *["within the scatter of streams"] * 2, "not converged",
+        "agrees", "agrees", *["within the scatter of streams"] * 2, "differs",
     ]  # fmt: skip
 
 
