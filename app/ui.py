@@ -41,6 +41,10 @@ def _palette(primary: str, page: str, paper: str, bar: str) -> dict[str, Any]:
             # Animated thumbs repaint the page for 150 ms after every key, while the figures wait.
             "MuiSlider": {"styleOverrides": {"thumb": still, "track": still}},
             "MuiToggleButton": {"styleOverrides": {"root": {"textTransform": "none"}}},
+            # What assistive technology is told: the title is the page's heading, a figure's is one
+            # below, and the title bar's (unused) progress bar has a name.
+            "MuiTypography": {"defaultProps": {"variantMapping": {"h3": "h1", "h5": "div", "h6": "h2"}}},
+            "MuiLinearProgress": {"defaultProps": {"aria-label": "progress"}},
         },
     }
 

@@ -99,7 +99,7 @@ def _wait_until_live(process: subprocess.Popen, url: str, seconds: float = 60) -
 
 def open_app(page: Page, address: str, query: str = "") -> Page:
     """Go to the app and wait until everything is drawn."""
-    page.goto(f"{address}/main{query}")
+    page.goto(f"{address}/main{query}", timeout=60_000)
     page.wait_for_function(READY, timeout=60_000)
     page.evaluate(MODELS)
     return page
