@@ -11,6 +11,8 @@ from streamdash.plots.style import mass_text
 
 CLASSES_MIN, CLASSES_MAX = 2, 4
 """Fewest and most mass ranges compared at once."""
+SHOWN = ("ensembles", "geometries")
+"""Kinds of cache entries that a catalog is made of."""
 PAPER_RANGES = ("1e3-1e5", "1e5-1e9")
 """Mass ranges compared when nothing else was asked for: the paper's two classes."""
 
@@ -56,6 +58,8 @@ class Catalog:
 
     streams: tuple[Stream, ...] = ()
     problems: tuple[str, ...] = ()
+    unfinished: tuple[Choice, ...] = ()
+    """Ensembles that were begun and can be resumed."""
 
     def stream(self, key: str) -> Stream | None:
         """The stream model of a key; the first one for an empty key."""
@@ -67,17 +71,30 @@ class Catalog:
 def read_catalog(entries: Iterable[Any]) -> Catalog:
     """Sort cache entries (`streamdash.store.Entry`) into what can be shown and what cannot."""
     groups: dict[str, list[Any]] = {}
-    problems = []
+    problems, unfinished = [], []
     for entry in entries:
         if entry.state in ("damaged", "foreign"):
             problems.append(f"Cache entry {entry.label or entry.key} is {entry.state}: {entry.reason}")
+        elif entry.kind == "ensemble" and entry.state == "partial":
+            unfinished.append(Choice(entry.key, entry.key, entry_label(entry), entry.config))
         elif entry.kind == "ensemble" and entry.state == "complete":
             group = groups.setdefault(entry.config.stream.key, [])
             if all(entry.key != other.key for other in group):  # shipped and a user's own copy
                 group.append(entry)
     default_key = StreamModel().key
     ordered = sorted(groups, key=lambda key: (key != default_key, key))
-    return Catalog(tuple(_stream(groups[key]) for key in ordered), tuple(problems))
+    return Catalog(tuple(_stream(groups[key]) for key in ordered), tuple(problems), tuple(unfinished))
+
+
+def entry_label(entry: Any) -> str:
+    """Name of an ensemble for people: the one it was given, its masses, and what sets it apart."""
+    return label_of(entry.config, entry.title)
+
+
+def label_of(config: EnsembleConfig, title: str = "") -> str:
+    """Name of a configuration for people; ``title`` comes first where somebody gave one."""
+    words = [title] if title else []
+    return " · ".join([*words, mass_text(config.perturbers.mass_range), *_differences(config)])
 
 
 def _stream(entries: Sequence[Any]) -> Stream:
@@ -87,12 +104,14 @@ def _stream(entries: Sequence[Any]) -> Stream:
     for entry in ordered:
         plain = mass_label(entry.config.perturbers.mass_range)
         taken = any(choice.token == plain for choice in choices)
-        extra = _differences(entry.config)
-        token = f"{plain}~{entry.key[:8]}" if taken or extra else plain
-        words = [mass_text(entry.config.perturbers.mass_range), *extra]
-        if taken and not extra:
-            words.append(f"n_streams {entry.config.n_streams}")
-        choices.append(Choice(entry.key, token, " · ".join(words), entry.config))
+        token = f"{plain}~{entry.key[:8]}" if taken or _differences(entry.config) else plain
+        label = entry_label(entry)
+        labels = {choice.label for choice in choices}
+        if label in labels:
+            label += f" · n_streams {entry.config.n_streams}"
+        if label in labels:  # menus go by the label
+            label += f" · {entry.key[:8]}"
+        choices.append(Choice(entry.key, token, label, entry.config))
     return Stream(model.key, stream_text(model), model, tuple(choices))
 
 

@@ -20,11 +20,13 @@ import numpy as np
 import xarray as xr
 from cachetools import LRUCache
 
-from app.catalog import Catalog, Choice, read_catalog
+from app.cache_watch import CacheWatch
+from app.catalog import SHOWN, Catalog, Choice, read_catalog
 from app.work import Work
 from streamdash import survey
 from streamdash.config import StreamModel
 from streamdash.geometry import Geometry
+from streamdash.jobs import Jobs, Limits
 from streamdash.store import Cache
 from streamdash.survey_bands import noise_draws
 
@@ -48,6 +50,8 @@ class Services:
         The cache that sessions read.
     memory
         Bytes that shared results may keep.
+    limits
+        What may be simulated from a browser.
 
     Attributes
     ----------
@@ -55,12 +59,18 @@ class Services:
         Long computations with progress and cancel.
     laboratory : Work
         The same for simulations of convergence tests, which nothing else should wait for.
+    jobs : Jobs
+        Simulations in the background.
+    watch : CacheWatch
+        Notices new ensembles, once it is started.
     """
 
-    def __init__(self, cache: Cache, memory: int = MEMORY_BYTES) -> None:
+    def __init__(self, cache: Cache, memory: int = MEMORY_BYTES, limits: Limits | None = None) -> None:
         self.cache = cache
         self.work = Work()
         self.laboratory = Work()
+        self.jobs = Jobs(cache, limits)
+        self.watch = CacheWatch(cache)
         self._results: LRUCache = LRUCache(memory, getsizeof=_size)
         self._running: dict[Hashable, tuple[Future, int]] = {}
         self._lock = threading.Lock()
@@ -121,7 +131,7 @@ class Services:
 
     def catalog(self) -> Catalog:
         """Streams and ensembles there are now."""
-        return read_catalog(self.cache.entries(("ensembles", "geometries")))
+        return self.watch.catalog or read_catalog(self.cache.entries(SHOWN))
 
     def geometry(self, stream: StreamModel) -> Geometry:
         """Geometry of a stream, from the cache only: computing it takes minutes.
@@ -151,7 +161,10 @@ class Services:
 
         def compute() -> np.ndarray:
             geometry = self.geometry(choice.config.stream)
-            return survey.q_rho(geometry, self.ensemble(choice.key), survey.longitude_bins(geometry))
+            try:
+                return survey.q_rho(geometry, self.ensemble(choice.key), survey.longitude_bins(geometry))
+            except ValueError as error:
+                raise Unavailable(f"{choice.label} cannot be shown in bins of longitude: {error}.") from None
 
         return self.shared(("q_rho", choice.key), compute)
 
@@ -165,7 +178,7 @@ class Services:
 @functools.cache
 def process_services() -> Services:
     """The one `Services` of this server process; only ``main.py`` calls this."""
-    return Services(Cache.default())
+    return Services(Cache.default(), limits=Limits.from_environment())
 
 
 def _size(value: Any) -> int:

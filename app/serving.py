@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from typing import Any
 
 import panel as pn
@@ -12,6 +14,11 @@ from app.pages import PAGES
 from app.services import Services
 from app.shell import Shell
 from app.state import Session
+from streamdash.store_keep import mark_used
+
+NEWS_MS = 1000
+MARK_S = 120
+"""How often a session notes which ensembles it uses; more often than they may be removed after."""
 
 
 def open_session(services: Services) -> Viewable:
@@ -22,17 +29,55 @@ def open_session(services: Services) -> Viewable:
         reconnect=True,
         disconnect_notification="The connection to the server was lost; trying again …",
     )
+    services.watch.start()
+    seen = services.watch.version
     session = Session(tuple(page.key for page in PAGES), services.catalog())
     session.load(pn.state.location.search if pn.state.location else "")
     shell = Shell(session, services, PAGES)
     notifications = pn.state.notifications
+    news = News(session, services, seen)
+    pn.state.onload(news.start)
 
     def end(_: Any) -> None:
+        news.stop()
         shell.close()
+        services.jobs.leave(session.visitor)
         forget(notifications)
 
     pn.state.on_session_destroyed(end)
     return shell.view
+
+
+class News:
+    """Brings one session what has changed in the cache, on the session's own event loop."""
+
+    def __init__(self, session: Session, services: Services, seen: int) -> None:
+        self.session, self.services = session, services
+        self._seen = seen
+        self._marked = -math.inf
+        self._timer: Any = None
+
+    def start(self) -> None:
+        """Look every second from now on."""
+        self._timer = pn.state.add_periodic_callback(self.look, NEWS_MS)
+
+    def stop(self) -> None:
+        """Look no more."""
+        if self._timer is not None:
+            self._timer.stop()
+            self._timer = None
+
+    def look(self) -> None:
+        """Hand a newer catalog to the session; note which ensembles it uses, so that they stay."""
+        watch = self.services.watch
+        if watch.version != self._seen and watch.catalog is not None:
+            self._seen = watch.version
+            with pn.io.hold():
+                self.session.refresh(watch.catalog)
+        if time.monotonic() - self._marked > MARK_S:
+            self._marked = time.monotonic()
+            for key in self.session.mass:
+                mark_used(self.services.cache, key)
 
 
 def forget(notifications: Any) -> None:

@@ -51,7 +51,7 @@ class Shell:
         self._say_problems()
         self._show()
         session.param.watch(self._changed, [n for n in session.param if n not in ("name", "problems")])
-        session.param.watch(lambda _: self._say_problems(), "problems")
+        session.param.watch(lambda _: self._say_problems(), ["problems", "catalog"])
         self.tabs.param.watch(self._navigated, "active")
         self.view.param.watch(self._toggled, "dark_theme")
         self.address.param.watch(self._moved_in_history, "search")
@@ -96,10 +96,11 @@ class Shell:
         for slot in self.slots.values():
             slot.clear()
         slot = self.slots[self.key]
-        if not self.session.ensembles:
+        wanted = self.pages[self.key]
+        if wanted.needs_ensembles and not self.session.ensembles:
             slot[:] = [ui.no_ensembles()]
             return
-        page = self.page = self.pages[self.key](self.session, self.services)
+        page = self.page = wanted(self.session, self.services)
         self._attempt(lambda: slot.append(page.view()))
 
     def _attempt(self, action: Callable[[], Any]) -> None:

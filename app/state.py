@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
+from uuid import uuid4
 
 import param
 
@@ -21,6 +22,8 @@ from app.state_learn import FIELDS as LEARN
 from app.state_learn import LearnState
 from app.state_observe import FIELDS as OBSERVE
 from app.state_observe import ObserveState
+from app.state_simulate import FIELDS as SIMULATE
+from app.state_simulate import SimulateState
 from streamdash.plots.style import COORDINATE_LABELS
 
 QUANTITIES = {"q_rho": "Qρ", "rho": "ρ", "omega": "⟨Ω∥⟩"}
@@ -51,11 +54,12 @@ FIELDS: dict[str, Field] = {
     **LEARN,
     **OBSERVE,
     **CONVERGENCE,
+    **SIMULATE,
 }
 """Values that can be checked alone; ``page``, ``stream`` and ``mass`` need to know what exists."""
 
 
-class Session(LearnState, ObserveState, ConvergenceState):
+class Session(LearnState, ObserveState, ConvergenceState, SimulateState):
     """One browser session's choices. Widgets bind to these; the URL follows them."""
 
     page = param.String("", doc="key of the page shown; empty: the first")
@@ -89,11 +93,12 @@ class Session(LearnState, ObserveState, ConvergenceState):
     theme = param.Selector(default="default", objects=["default", "dark"], doc="light or dark")
 
     problems = param.List([], item_type=str, doc="what was wrong with the link, one sentence each")
+    catalog = param.ClassSelector(class_=Catalog, default=Catalog(), doc="streams and ensembles there are")
 
     def __init__(self, pages: tuple[str, ...] = (), catalog: Catalog = Catalog(), **values: Any) -> None:
         self.pages = pages
-        self.catalog = catalog
-        super().__init__(**values)
+        self.visitor = uuid4().hex
+        super().__init__(catalog=catalog, **values)
 
     @property
     def ensembles(self) -> tuple:
@@ -106,6 +111,19 @@ class Session(LearnState, ObserveState, ConvergenceState):
         values, problems = read_query(search, self.pages, self.catalog)
         defaults = {name: type(self).param[name].default for name in (*FIELDS, "page", "stream")}
         self.param.update(**{**defaults, **values, "problems": problems})
+
+    def refresh(self, catalog: Catalog) -> None:
+        """Take over a newer catalog; what is chosen stays as far as it still exists."""
+        stream = catalog.stream(self.stream) or catalog.stream("")
+        values: dict[str, Any] = {"catalog": catalog, "stream": stream.key if stream else "", "mass": []}
+        if stream is not None:
+            kept = [c.key for c in stream.ensembles if c.key in self.mass]
+            enough = len(kept) >= min(CLASSES_MIN, len(stream.ensembles))
+            values["mass"] = kept if enough else [c.key for c in stream.default()]
+            if self.mass and not set(self.mass) <= set(values["mass"]):
+                gone = "An ensemble that was shown is no longer in the cache; others are shown."
+                values["problems"] = [*self.problems, gone]
+        self.param.update(**values)
 
     @property
     def search(self) -> str:

@@ -27,32 +27,9 @@ from app.layout import (  # pages find all of it in `ui`
     plain_text,
 )
 from app.pages.base import Page
+from app.theme import STYLE, THEME
 from streamdash.plots.style import class_colour
 
-
-def _palette(primary: str, page: str, paper: str, bar: str) -> dict[str, Any]:
-    bar_style = {"root": {"backgroundColor": bar, "color": "#ffffff", "backgroundImage": "none"}}
-    still = {"transition": "none"}
-    return {
-        "palette": {"primary": {"main": primary}, "background": {"default": page, "paper": paper}},
-        "components": {
-            "MuiAppBar": {"styleOverrides": bar_style},
-            "MuiTab": {"styleOverrides": {"root": {"textTransform": "none", "fontSize": "15px"}}},
-            # Animated thumbs repaint the page for 150 ms after every key, while the figures wait.
-            "MuiSlider": {"styleOverrides": {"thumb": still, "track": still}},
-            "MuiToggleButton": {"styleOverrides": {"root": {"textTransform": "none"}}},
-            # What assistive technology is told: the title is the page's heading, a figure's is one
-            # below, and the title bar's (unused) progress bar has a name.
-            "MuiTypography": {"defaultProps": {"variantMapping": {"h3": "h1", "h5": "div", "h6": "h2"}}},
-            "MuiLinearProgress": {"defaultProps": {"aria-label": "progress"}},
-        },
-    }
-
-
-THEME = {
-    "light": _palette("#17456b", "#ffffff", "#ffffff", "#17456b"),
-    "dark": _palette("#8cc4f0", "#12181e", "#12181e", "#1b2a38"),
-}
 __all__ = [
     "WIDE",
     "FigureCard",
@@ -81,11 +58,11 @@ __all__ = [
     "select",
     "slider",
     "stream_picker",
+    "text_field",
     "toggle",
     "unwatch_busy",
 ]
 
-STYLE = ":focus-visible { outline: 3px solid #e69f00 !important; outline-offset: 2px; }"
 SLIDER_DELAY = 10
 """Milliseconds in which moves of one slider are gathered; Panel's 50 are a third of our budget."""
 
@@ -231,21 +208,27 @@ def select(page: Page, name: str, label: str, options: dict[str, Any], **params:
 def stream_picker(page: Page) -> pmui.Select:
     """Menu of the stream models that have complete ensembles."""
     session = page.session
-    options = {stream.label: stream.key for stream in session.catalog.streams}
-    widget = pmui.Select(label="Stream", options=options, value=session.stream, **_sized("stream", {}))
+
+    def options() -> dict[str, str]:
+        return {stream.label: stream.key for stream in session.catalog.streams}
+
+    widget = pmui.Select(label="Stream", options=options(), value=session.stream, **_sized("stream", {}))
     widget.param.watch(lambda event: session.choose_stream(event.new), "value")
+    page.follow("catalog", lambda: widget.param.update(options=options()))
     return widget
 
 
 def ensemble_picker(page: Page) -> pmui.MultiChoice:
     """Choice of the 2 to 4 mass ranges that are compared."""
     session = page.session
-    stream = session.catalog.stream(session.stream)
-    options = {choice.label: choice.key for choice in (stream.ensembles if stream else ())}
-    fewest = min(CLASSES_MIN, len(options))
+
+    def options() -> dict[str, str]:
+        stream = session.catalog.stream(session.stream)
+        return {choice.label: choice.key for choice in (stream.ensembles if stream else ())}
+
     widget = pmui.MultiChoice(
         label=f"Mass ranges of the perturbers ({CLASSES_MIN} to {CLASSES_MAX})",
-        options=options,
+        options=options(),
         value=list(session.mass),
         sizing_mode=WIDE,
         max_width=460,
@@ -255,12 +238,14 @@ def ensemble_picker(page: Page) -> pmui.MultiChoice:
     )
 
     def picked(event: param.parameterized.Event) -> None:
-        if fewest <= len(event.new) <= CLASSES_MAX:
-            session.mass = [key for key in options.values() if key in event.new]
+        keys = list(options().values())
+        if min(CLASSES_MIN, len(keys)) <= len(event.new) <= CLASSES_MAX:
+            session.mass = [key for key in keys if key in event.new]
         else:
             widget.value = list(session.mass)
 
     widget.param.watch(picked, "value")
+    page.follow("catalog", lambda: widget.param.update(options=options()))
     return widget
 
 
@@ -283,6 +268,13 @@ def class_button(index: int, label: str, action: Callable[[], Any], **params: An
         "color": "inherit",
     }
     return button(f"M{index} · {label}", action, sx=style, margin=(4, 10), **params)
+
+
+def text_field(page: Page, name: str, label: str, help: str, placeholder: str = "") -> Viewable:
+    """A line of text with a line of help below it."""
+    options = {"size": "small", "sizing_mode": WIDE, "margin": 0, "css_classes": [f"sd-{name}"]}
+    widget = page.bind(name, pmui.TextInput(label=label, placeholder=placeholder, **options))
+    return pn.Column(widget, caption(help), sizing_mode=WIDE, margin=(4, 0))
 
 
 def caption(text: str) -> pmui.Typography:

@@ -152,7 +152,8 @@ class Watch:
         self.following, self._seen = task, -1
         task.waiting_for_it += 1
         if pn.state.curdoc is not None and task.active:
-            self._timer = pn.state.add_periodic_callback(self.look, POLL_MS)
+            # What changes while the browser still builds the page would never reach it.
+            pn.state.onload(self._look_on)
         self.look()
 
     def cancel(self) -> None:
@@ -172,6 +173,10 @@ class Watch:
             if self.following.waiting_for_it <= 0 and self.following.active:
                 self.following.stop()
             self.following = None
+
+    def _look_on(self) -> None:
+        if self._timer is None and self.following is not None:
+            self._timer = pn.state.add_periodic_callback(self.look, POLL_MS)
 
     def look(self) -> None:
         """Show the task if it has changed; called by a timer on the session's event loop."""

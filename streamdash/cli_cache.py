@@ -1,4 +1,4 @@
-"""``streamdash cache``: what is in the cache, whether it is intact, and removing from it."""
+"""``streamdash cache``: what is in the cache, whether it is intact; removing and carrying entries."""
 
 from __future__ import annotations
 
@@ -18,11 +18,20 @@ from streamdash.cli_common import (
     duration,
     make_cache,
     print_json,
+    progress_bar,
+    wrong_input,
 )
-from streamdash.store import Entry
+from streamdash.store import Cache, Entry
+from streamdash.store_entry import SET_ASIDE, explained, set_aside
+from streamdash.store_keep import prune
 
 cache_app = typer.Typer(cls=OneSentence, no_args_is_help=True, help="What is in the cache.")
 NameArgument = Annotated[str, typer.Argument(metavar="NAME", help="Key or directory name of an entry.")]
+
+
+WorkersOption = Annotated[int | None, typer.Option("--workers", "-w", min=1, help="Worker processes.")]
+REPAIRED = "what was damaged is computed again"
+SET_APART = "it cannot be read and is set aside; `streamdash cache prune` removes it"
 
 
 @cache_app.command("list")
@@ -61,20 +70,61 @@ def list_command(cache: CacheOption = None, as_json: JsonOption = False) -> None
 @cache_app.command("verify")
 def verify_command(
     name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="One entry; all by default.")] = None,
+    repair: Annotated[
+        bool,
+        typer.Option("--repair", help="Compute what is damaged again, and set aside what is beyond that."),
+    ] = False,
+    workers: WorkersOption = None,
     cache: CacheOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Read every file and compare checksums; exit code 1 when something is wrong."""
+    """Read every file and compare checksums; exit code 1 when something is, or stays, wrong."""
     where = make_cache(cache)
     found = [(entry, where.verify(entry)) for entry in ([where.find(name)] if name else where.entries())]
+    done = {e.path: _repair(where, e, workers) for e, problems in found if problems and repair}
     if as_json:
-        print_json([{**_as_dict(entry), "problems": problems} for entry, problems in found])
+        print_json(
+            [
+                {**_as_dict(entry), "problems": problems, "repair": done.get(entry.path, "")}
+                for entry, problems in found
+            ]
+        )
     else:
         for entry, problems in found:
             for problem in problems or ["intact" if entry.state == "complete" else f"intact, {entry.state}"]:
                 print(f"{entry.path.name}: {problem}")
-    if any(problems for _, problems in found):
+            if entry.path in done:
+                print(f"{entry.path.name}: {done[entry.path]}")
+    if any(problems and done.get(entry.path) not in (REPAIRED, SET_APART) for entry, problems in found):
         raise typer.Exit(1)
+
+
+def _repair(cache: Cache, entry: Entry, workers: int | None) -> str:
+    """Mend a damaged entry as far as that can be done; says what was done."""
+    from streamdash.ensemble import background, complete
+    from streamdash.geometry import load_geometry
+
+    if SET_ASIDE in entry.path.name:
+        return "it was set aside before; `streamdash cache prune` removes it"
+    if entry.state == "foreign":
+        return "it was not made by streamdash; delete it by hand"
+    if entry.shipped:
+        return "it is part of a cache that is only read; simulate the same and yours is used instead"
+    if entry.config is None or entry.kind == "spectra":  # `streamdash convergence` makes these anew
+        with cache.writing(entry.key or entry.path.name), explained(entry.path):
+            set_aside(entry.path)
+        return SET_APART
+    with progress_bar() as titled, wrong_input():
+        times = titled("Geometry of the stream")
+        if entry.kind == "geometry":
+            load_geometry(entry.config, cache, workers, times)
+        elif entry.n_done < entry.n_total:  # it was not finished before either: what is sound stays
+            geometry = load_geometry(entry.config.stream, cache, workers, times)
+            cache.begin(entry.config, background(geometry, entry.config)).close()
+        else:
+            report = titled(f"Streams {entry.label}")
+            complete(entry.config, cache, workers=workers, progress=report, geometry_progress=times)
+    return REPAIRED
 
 
 @cache_app.command("remove")
@@ -98,6 +148,67 @@ def remove_command(
         print_json({"removed": _as_dict(entry)})
     else:
         print(f"Removed {entry.path}.")
+
+
+@cache_app.command("prune")
+def prune_command(
+    unfinished: Annotated[bool, typer.Option("--unfinished", help="Partial ensembles as well.")] = False,
+    max_mb: Annotated[
+        float | None,
+        typer.Option("--max-mb", min=0, help="Keep so much; the least recently used goes first."),
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would go.")] = False,
+    cache: CacheOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Remove what was set aside and what killed runs left behind; shipped entries and those in use stay."""
+    limit = None if max_mb is None else int(max_mb * 1e6)
+    gone = prune(make_cache(cache), unfinished, limit, dry_run)
+    if as_json:
+        print_json([{"path": path, "size_bytes": size} for path, size in gone])
+        return
+    for path, size in gone:
+        print(f"{'Would remove' if dry_run else 'Removed'} {path} ({size / 1e6:.2f} MB).")
+    if not gone:
+        print("There is nothing to remove.")
+
+
+@cache_app.command("export")
+def export_command(
+    name: NameArgument,
+    target: Annotated[
+        Path | None, typer.Argument(metavar="[FILE]", help="Name of the file; NAME.zip by default.")
+    ] = None,
+    cache: CacheOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Write an entry as one file, for another machine's `import`."""
+    from streamdash.store_bundle import export_entry
+
+    where = make_cache(cache)
+    target = target or Path(f"{where.find(name).path.name}.zip")
+    entry = export_entry(where, name, target)
+    if as_json:
+        print_json({"file": target, "size_bytes": target.stat().st_size, "entry": _as_dict(entry)})
+    else:
+        print(f"Wrote {entry.path.name} to {target} ({target.stat().st_size / 1e6:.2f} MB).")
+
+
+@cache_app.command("import")
+def import_command(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="A file that `export` wrote.")],
+    max_mb: Annotated[float, typer.Option("--max-mb", min=0, help="Largest file accepted.")] = 1000,
+    cache: CacheOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Take an exported entry into the cache, after checking all of it."""
+    from streamdash.store_bundle import import_entry
+
+    entry = import_entry(make_cache(cache), source, int(max_mb * 1e6))
+    if as_json:
+        print_json(_as_dict(entry))
+    else:
+        print(f"{entry.path.name} is in the cache now ({entry.state}).")
 
 
 def _as_dict(entry: Entry) -> dict[str, Any]:

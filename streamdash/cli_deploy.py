@@ -176,14 +176,14 @@ def server_arguments(settings: Deployment, show: bool, environment: Mapping[str,
     return [*arguments, "--show"] if show else arguments
 
 
-def settings_table(settings: Deployment) -> list[tuple[str, str, str]]:
+def settings_table(settings: Settings) -> list[tuple[str, str, str]]:
     """Variable, value now and meaning of each setting; secrets are not shown."""
     rows = []
-    for name, field in Deployment.model_fields.items():
+    for name, field in type(settings).model_fields.items():
         value = getattr(settings, name)
         if isinstance(value, SecretStr):
             shown = "set" if value.get_secret_value() else "not set"
         else:
             shown = ", ".join(value) if isinstance(value, tuple) else str(value or "")
-        rows.append((Deployment.variable(name), shown, field.description or ""))
+        rows.append((settings.variable(name), shown, field.description or ""))
     return rows

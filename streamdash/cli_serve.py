@@ -12,6 +12,7 @@ import typer
 
 from streamdash.cli_common import CacheOption, InputError, make_cache
 from streamdash.cli_deploy import Deployment, check, server_arguments, server_environment, settings_table
+from streamdash.jobs_limits import Limits
 
 APP = Path(__file__).resolve().parent.parent / "app"
 
@@ -43,8 +44,9 @@ def serve_command(
     if not (APP / "main.py").is_file():
         raise InputError(f"The app is not beside the library ({APP}); serve it from a checkout.")
     chosen = Deployment.from_environment(address=address, port=port, origins=allow_origin or None)
+    limits = Limits.from_environment()
     if settings:
-        for name, value, meaning in settings_table(chosen):
+        for name, value, meaning in [*settings_table(chosen), *settings_table(limits)]:
             print(f"{name:<28} {value:<20} {meaning}")
     check(chosen, os.environ)
     if settings:

@@ -153,7 +153,8 @@ def _simulate(
     scheduler: str | None,
     as_json: bool,
 ) -> None:
-    from streamdash.ensemble import Stopped, WorkerError, simulate
+    from streamdash.ensemble import Stopped, simulate
+    from streamdash.workers import WorkerError
 
     # After Ctrl-C, Python's resource tracker would warn about semaphores of the workers that were ended.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
@@ -179,7 +180,7 @@ def _simulate(
     except (KeyboardInterrupt, Stopped):
         _say_interrupted(config, cache)
         raise typer.Exit(130) from None
-    entry = cache.find(config.key)
+    entry = cache.covering(config) or cache.find(config.key)
     if as_json:
         print_json(
             {
@@ -193,9 +194,10 @@ def _simulate(
                 "seconds": time.perf_counter() - start,
             }
         )
-    else:
-        took = duration(time.perf_counter() - start)
-        print(f"{entry.n_done} streams of {entry.label} M☉ in {entry.path} ({took}).")
+        return
+    took = duration(time.perf_counter() - start)
+    among = f" (the first of {entry.n_total})" if entry.key != config.key else ""
+    print(f"{config.n_streams} streams of {entry.label} M☉{among} in {entry.path} ({took}).")
 
 
 @contextlib.contextmanager
@@ -231,18 +233,12 @@ def _say_interrupted(config: EnsembleConfig, cache: Cache) -> None:
 
 @contextlib.contextmanager
 def _dask_client(executor: str, scheduler: str | None):
+    from streamdash.workers import cluster
+
     if executor != "dask":
         yield
         return
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError("Dask is not installed: pip install 'streamdash[dask]'.") from None
-    try:
-        client = Client(scheduler, timeout="10s") if scheduler else Client(threads_per_worker=1)
-    except (OSError, ValueError) as error:
-        raise InputError(f"The Dask scheduler {scheduler} cannot be reached ({error}).") from None
-    with client:
+    with cluster(scheduler):
         yield
 
 

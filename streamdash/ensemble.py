@@ -9,19 +9,13 @@ is missing is computed, in any order, and written by this process alone.
 from __future__ import annotations
 
 import contextlib
-import os
-import signal
-import threading
 import time
-import warnings
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
-import joblib
 import numpy as np
 import xarray as xr
-from threadpoolctl import threadpool_limits
 
 from streamdash.config import EnsembleConfig, StreamModel
 from streamdash.density import stream_profile
@@ -29,15 +23,14 @@ from streamdash.geometry import Geometry, load_geometry
 from streamdash.impacts import expected_impacts, sample_impacts
 from streamdash.store import BusyError, Cache, StoreError, Writer
 from streamdash.store_codec import CHUNK, chunk_streams
+from streamdash.workers import WorkerError, results
 
 __all__ = ["CHUNK", "Estimate", "Stopped", "WorkerError", "estimate", "simulate", "stream_rng", "theta_grid"]
 
 Progress = Callable[[int, int], None]
 """Called with how many are done, and how many there are."""
 
-BACKENDS = {"inline": "sequential", "processes": "loky"}
 BUSY_POLL_S = 0.5
-PARENT_POLL_S = 1.0
 TIMING_S = 2.0
 """An estimate of the cost times streams for about this long."""
 
@@ -54,10 +47,6 @@ class Stopped(Exception):
     def __init__(self, done: int, total: int) -> None:
         super().__init__(f"Stopped with {done} of {total} streams finished; the same call resumes.")
         self.done, self.total = done, total
-
-
-class WorkerError(RuntimeError):
-    """A worker process could not do its part; finished chunks are kept."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +76,8 @@ def simulate(
     progress: Progress | None = None,
     should_stop: Callable[[], bool] | None = None,
     geometry_progress: Progress | None = None,
+    nice: int = 0,
+    title: str = "",
 ) -> xr.Dataset:
     """The ensemble of `config`: from the cache, or computed (what is missing of it) and kept there.
 
@@ -106,6 +97,10 @@ def simulate(
         Asked after every chunk; True ends the simulation with `Stopped`.
     geometry_progress : callable, optional
         Called with impact times finished and all, when the stream's geometry must be computed.
+    nice : int
+        How much worker processes of this machine stand back for others, 0 to 19.
+    title : str
+        Name for people, kept with an entry that has none.
 
     Returns
     -------
@@ -124,23 +119,38 @@ def simulate(
     ValueError
         When `executor` or `workers` cannot be used.
     """
-    if workers is not None and workers < 1:
-        raise ValueError(f"workers must be 1 or more (got {workers})")
     cache = cache if cache is not None else Cache.default()
     with contextlib.suppress(StoreError):  # not there, not finished or damaged
         return cache.open_ensemble(config)
+    complete(config, cache, executor, workers, progress, should_stop, geometry_progress, nice, title)
+    return cache.open_ensemble(config)
+
+
+def complete(
+    config: EnsembleConfig,
+    cache: Cache,
+    executor: str = "processes",
+    workers: int | None = None,
+    progress: Progress | None = None,
+    should_stop: Callable[[], bool] | None = None,
+    geometry_progress: Progress | None = None,
+    nice: int = 0,
+    title: str = "",
+) -> None:
+    """Compute what is missing of an ensemble, in the cache only; arguments and errors as `simulate`."""
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers must be 1 or more (got {workers})")
     cache.check_writable()
     stop = should_stop or (lambda: False)
-    geometry = load_geometry(
-        config.stream, cache, workers, _stopping(geometry_progress, stop, config.n_streams)
-    )
-    with _begin(cache, config, background(geometry, config), progress, stop) as writer:
+    geometry_report = _stopping(geometry_progress, stop, config.n_streams)
+    geometry = load_geometry(config.stream, cache, workers, geometry_report, executor, nice)
+    with _begin(cache, config, background(geometry, config), progress, stop, title) as writer:
         _report(writer, progress, stop)
-        with contextlib.closing(_compute(config, writer.missing(), executor, workers, cache)) as chunks:
+        pieces = [(config, index, cache) for index in writer.missing()]
+        with contextlib.closing(results(compute_chunk, pieces, executor, workers, nice)) as chunks:
             for chunk in chunks:
                 writer.write(chunk.index, chunk.density, chunk.omega, chunk.n_impacts, chunk.cost_s)
                 _report(writer, progress, stop)
-    return cache.open_ensemble(config)
 
 
 def estimate(config: EnsembleConfig, geometry: Geometry) -> Estimate:
@@ -192,28 +202,9 @@ def compute_chunk(config: EnsembleConfig, index: int, cache: Cache) -> Chunk:
     """Compute chunk `index`; what a worker process runs."""
     geometry = _geometry(config.stream, cache)
     start = time.perf_counter()
-    with threadpool_limits(limits=1):  # one core a worker, and sums in one order
-        streams = [compute_stream(geometry, config, i) for i in chunk_streams(config, index)]
+    streams = [compute_stream(geometry, config, i) for i in chunk_streams(config, index)]
     density, omega, n_impacts = (np.array(part) for part in zip(*streams, strict=True))
     return Chunk(index, density, omega, n_impacts, time.perf_counter() - start)
-
-
-def _work(config: EnsembleConfig, index: int, cache: Cache, parent: int) -> Chunk:
-    """`compute_chunk` in a worker process that ends when process `parent` does."""
-    _end_with(parent)
-    return compute_chunk(config, index, cache)
-
-
-@lru_cache(maxsize=1)
-def _end_with(parent: int) -> None:
-    # Workers of a killed process would wait for work for ever: each holds the others' pipe open.
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(PARENT_POLL_S)
-        os._exit(1)
-
-    if os.getppid() == parent:  # not so in the parent itself, which is its own only worker
-        threading.Thread(target=watch, daemon=True).start()
 
 
 @lru_cache(maxsize=2)
@@ -227,66 +218,24 @@ def _geometry(stream: StreamModel, cache: Cache) -> Geometry:
     return Geometry.from_dataset(dataset, stream)
 
 
-def _compute(
-    config: EnsembleConfig, indices: list[int], executor: str, workers: int | None, cache: Cache
-) -> Generator[Chunk]:
-    """Chunks as they are finished, in any order."""
-    backend = BACKENDS.get(executor, executor)
-    limits = {"inner_max_num_threads": 1} if backend == "loky" else {}
-    n_jobs = 1 if backend == "sequential" else workers or -1
-    try:
-        with joblib.parallel_config(backend=backend, n_jobs=n_jobs, **limits):
-            parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
-            work = joblib.delayed(_work if backend == "loky" else compute_chunk)
-            parent = (os.getpid(),) if backend == "loky" else ()
-            with _workers_spared_from_ctrl_c():
-                results = parallel(work(config, index, cache, *parent) for index in indices)
-            try:
-                # Not `yield from`, which would close them before the warnings are off.
-                for chunk in results:  # noqa: UP028
-                    yield chunk
-            finally:
-                with warnings.catch_warnings():  # that chunks are given up when stopping is intended
-                    warnings.simplefilter("ignore", UserWarning)
-                    results.close()
-    except joblib.externals.loky.process_executor.TerminatedWorkerError as error:
-        raise WorkerError(
-            "A worker process was killed, perhaps for want of memory; what was finished is kept: "
-            "run this again with fewer workers to resume."
-        ) from error
-
-
-@contextlib.contextmanager
-def _workers_spared_from_ctrl_c() -> Generator[None]:
-    """Start processes that Ctrl-C on the terminal does not reach: the parent ends them, and a worker
-    that is still importing would print a traceback."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def _begin(
     cache: Cache,
     config: EnsembleConfig,
     smooth: xr.Dataset,
     progress: Progress | None,
     stop: Callable[[], bool],
+    title: str,
 ) -> Writer:
     """The writer, once no other process writes; meanwhile that process's progress is reported."""
     while True:
         try:
-            return cache.begin(config, smooth, timeout=BUSY_POLL_S)
+            return cache.begin(config, smooth, BUSY_POLL_S, title)
         except BusyError:
-            entry = cache.find(config.key)
+            done = cache.streams_done(config)
             if progress is not None:
-                progress(entry.n_done, config.n_streams)
+                progress(done, config.n_streams)
             if stop():
-                raise Stopped(entry.n_done, config.n_streams) from None
+                raise Stopped(done, config.n_streams) from None
 
 
 def _report(writer: Writer, progress: Progress | None, stop: Callable[[], bool]) -> None:

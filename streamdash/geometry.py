@@ -11,41 +11,50 @@ nodes along the stream between which galpy interpolates.
 
 from __future__ import annotations
 
-import time
-import warnings
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
+from functools import cached_property
 
-import joblib
 import numpy as np
 import xarray as xr
 from scipy import interpolate, special
 
 from streamdash.config import StreamModel
+from streamdash.geometry_galpy import (
+    R0_KPC,
+    V0_KMS,
+    Nodes,
+    galpy_gap,
+    galpy_stream,
+    progenitor_radius,
+    smooth_stream,
+    time_unit_gyr,
+    timed_nodes,
+)
+from streamdash.store import BusyError, Cache, StoreError
+from streamdash.store_parts import GeometryWriter
+from streamdash.workers import WorkerError, results
 
-if TYPE_CHECKING:
-    from streamdash.store import Cache
+__all__ = [
+    "R0_KPC",
+    "V0_KMS",
+    "Geometry",
+    "compute_geometry",
+    "galpy_gap",
+    "galpy_stream",
+    "load_geometry",
+    "progenitor_radius",
+    "smooth_geometry",
+    "time_unit_gyr",
+]
 
-R0_KPC = 8.0
-V0_KMS = 220.0
-TRACK_CHUNKS = 11
-"""Nodes of today's track (galpy's ``nTrackChunks``), as in Bovy, Erkal & Sanders (2017)."""
+BUSY_POLL_S = 0.5
 LENGTH_THRESHOLD = 0.2
 """The stream ends where its density is this fraction of that near the progenitor."""
 TABLE_STEP = 1e-3
 """Spacing in rad of the tables in which the track is looked up; linear interpolation
 between entries is then off by at most ~0.01 pc, far below the smallest subhalo."""
-
-# Rotation from equatorial to GD-1 coordinates, Koposov, Rix & Hogg (2010), appendix.
-GD1_ROTATION = np.array(
-    [
-        [-0.4776303088, -0.1738432154, 0.8611897727],
-        [0.510844589, -0.8524449229, 0.111245042],
-        [0.7147776536, 0.4930681392, 0.4959603976],
-    ]
-)
 
 
 @dataclass(frozen=True)
@@ -204,20 +213,18 @@ _DIMS: dict[str, tuple[str, ...]] = {
 }
 
 
-def time_unit_gyr() -> float:
-    """Length of one natural time unit in Gyr (0.035556)."""
-    from galpy.util import conversion
-
-    return float(conversion.time_in_Gyr(V0_KMS, R0_KPC))
-
-
 def load_geometry(
     stream: StreamModel,
     cache: Cache | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    executor: str = "processes",
+    nice: int = 0,
 ) -> Geometry:
     """The geometry of `stream`: from the cache, or computed and then cached.
+
+    One process computes a geometry, others wait and report its progress. Finished impact times are
+    kept, so that whoever comes after an interruption goes on from there.
 
     Parameters
     ----------
@@ -227,50 +234,108 @@ def load_geometry(
     workers : int, optional
         Processes when it must be computed; all cores when not given.
     progress : callable, optional
-        Called with (times done, times in all).
-    """
-    from streamdash.store import Cache
+        Called with (times done, times in all); what it raises ends the computation.
+    executor, nice
+        As for `streamdash.workers.results`.
 
+    Raises
+    ------
+    StoreError
+        When the cache cannot be written to.
+    WorkerError, ValueError
+        As `compute_geometry`.
+    """
     cache = cache if cache is not None else Cache.default()
     dataset = cache.open_geometry(stream)
-    if dataset is not None:
-        return Geometry.from_dataset(dataset, stream)
-    start = time.perf_counter()
-    geometry = compute_geometry(stream, workers=workers, progress=progress)
-    cache.save_geometry(stream, geometry.to_dataset(), cost_s=time.perf_counter() - start)
-    return geometry
+    n = len(stream.impact_times_gyr)
+    while dataset is None:
+        try:
+            writer = cache.begin_geometry(stream, timeout=BUSY_POLL_S)
+        except BusyError:
+            if progress is not None:
+                progress(cache.times_done(stream), n)
+            continue
+        with writer:
+            dataset = cache.open_geometry(stream)  # whoever was waited for may have stored it
+            if dataset is None:
+                dataset = _compute_kept(stream, writer, workers, progress, executor, nice)
+    return Geometry.from_dataset(dataset, stream)
+
+
+def _compute_kept(
+    stream: StreamModel,
+    writer: GeometryWriter,
+    workers: int | None,
+    progress: Callable[[int, int], None] | None,
+    executor: str,
+    nice: int,
+) -> xr.Dataset:
+    """Compute the impact times that are not there yet, each kept at once, and store the geometry."""
+    cost_s = 0.0
+
+    def keep(k: int, nodes: Nodes, seconds: float) -> None:
+        nonlocal cost_s
+        cost_s += seconds
+        writer.write(k, {**nodes._asdict(), "seconds": np.array(seconds)})
+
+    kept = {}
+    for k, arrays in writer.parts().items():
+        cost_s += float(arrays.pop("seconds"))
+        kept[k] = Nodes(**arrays)
+    geometry = compute_geometry(stream, workers, progress, executor, nice, kept, keep)
+    dataset = geometry.to_dataset()
+    writer.finish(dataset, cost_s)
+    return dataset
 
 
 def compute_geometry(
     stream: StreamModel,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    executor: str = "processes",
+    nice: int = 0,
+    kept: Mapping[int, Nodes] | None = None,
+    keep: Callable[[int, Nodes, float], None] | None = None,
 ) -> Geometry:
     """Build the geometry of `stream` with galpy, impact times in parallel.
+
+    Parameters
+    ----------
+    kept : nodes of impact times that are known already, by their number.
+    keep : called with number, nodes and core seconds of every impact time that is finished.
 
     Raises
     ------
     ValueError
         When galpy cannot build a stream from this model (for example an unbound
         progenitor), naming the model's fields to change.
+    WorkerError
+        When a worker was killed.
     """
     n = len(stream.impact_times_gyr)
-    jobs = (joblib.delayed(_impact_nodes)(stream, k) for k in range(n))
-    parallel = joblib.Parallel(n_jobs=min(n, workers or joblib.cpu_count()), return_as="generator")
+    nodes = dict(kept or {})
+    if progress is not None:
+        progress(len(nodes), n)
+    pieces = [(stream, k) for k in range(n) if k not in nodes]
     try:
-        smooth = _smooth_stream(stream)
-        nodes = []
-        for result in parallel(jobs):
-            nodes.append(result)
-            if progress is not None:
-                progress(len(nodes), n)
-    except (ValueError, RuntimeError, IndexError, FloatingPointError, np.linalg.LinAlgError) as error:
-        raise ValueError(
-            "galpy cannot build a stream from this model: check progenitor, potential, age_gyr "
-            f"and sigma_v_kms ({error})"
-        ) from error
-    width = max(len(theta) for theta, _, _ in nodes)
-    theta, xv, jac = (np.stack([_pad(item, width) for item in part]) for part in zip(*nodes, strict=True))
+        smooth = smooth_stream(stream)
+        with contextlib.closing(results(timed_nodes, pieces, executor, workers, nice)) as found:
+            for k, new, seconds in found:
+                nodes[k] = new
+                if keep is not None:
+                    keep(k, new, seconds)
+                if progress is not None:
+                    progress(len(nodes), n)
+    except (ValueError, IndexError, FloatingPointError, np.linalg.LinAlgError) as error:
+        raise _unbuildable(error) from error
+    except RuntimeError as error:
+        if isinstance(error, StoreError | WorkerError):
+            raise
+        raise _unbuildable(error) from error
+    width = max(len(item.theta) for item in nodes.values())
+    theta, xv, jac = (
+        np.stack([_pad(getattr(nodes[k], name), width) for k in range(n)]) for name in Nodes._fields
+    )
     return Geometry(
         stream=stream,
         times=np.array(stream.impact_times_gyr) / time_unit_gyr(),
@@ -281,105 +346,40 @@ def compute_geometry(
     )
 
 
+def smooth_geometry(stream: StreamModel) -> Geometry:
+    """The geometry of `stream` as far as no impact time enters, which takes galpy seconds: no tables.
+
+    Raises
+    ------
+    ValueError
+        When galpy cannot build a stream from this model.
+    """
+    try:
+        smooth = smooth_stream(stream)
+    except (ValueError, RuntimeError, IndexError, FloatingPointError, np.linalg.LinAlgError) as error:
+        raise _unbuildable(error) from error
+    times = np.array(stream.impact_times_gyr) / time_unit_gyr()
+    none = np.empty((len(times), 0))
+    return Geometry(
+        stream=stream,
+        times=times,
+        node_theta=none,
+        node_xv=none.reshape(len(times), 0, 6),
+        node_jac=none.reshape(len(times), 0, 3),
+        **smooth,
+    )
+
+
+def _unbuildable(error: Exception) -> ValueError:
+    return ValueError(
+        "galpy cannot build a stream from this model: check progenitor, potential, age_gyr "
+        f"and sigma_v_kms ({error})"
+    )
+
+
 def _pad(values: np.ndarray, length: int) -> np.ndarray:
     padding = [(0, length - len(values))] + [(0, 0)] * (values.ndim - 1)
     return np.pad(values, padding, constant_values=np.nan)
-
-
-@lru_cache(maxsize=4)
-def _galpy_arguments(stream: StreamModel) -> dict:
-    """Keyword arguments that galpy's stream classes share, units natural."""
-    from galpy.actionAngle import actionAngleIsochroneApprox
-    from galpy.orbit import Orbit
-    from galpy.potential import LogarithmicHaloPotential
-
-    potential = LogarithmicHaloPotential(normalize=1.0, q=stream.potential.q)
-    return {
-        "progenitor": Orbit(list(stream.progenitor)),
-        "pot": potential,
-        "aA": actionAngleIsochroneApprox(pot=potential, b=stream.isochrone_b),
-        "leading": stream.arm == "leading",
-        "nTrackChunks": TRACK_CHUNKS,
-        "tdisrupt": stream.age_gyr / time_unit_gyr(),
-        "vo": V0_KMS,
-        "ro": R0_KPC,
-    }
-
-
-def progenitor_radius(stream: StreamModel, times_gyr: np.ndarray) -> np.ndarray:
-    """Distance of the progenitor from the Galactic centre (kpc) at times before today (Gyr, from 0 up)."""
-    arguments = _galpy_arguments(stream)
-    orbit, times = arguments["progenitor"](), -np.asarray(times_gyr) / time_unit_gyr()
-    orbit.integrate(times, arguments["pot"])
-    return R0_KPC * np.asarray(orbit.r(times, use_physical=False))
-
-
-def galpy_stream(stream: StreamModel):
-    """The smooth `galpy.df.streamdf` of `stream`."""
-    from galpy.df import streamdf
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        smooth = streamdf(stream.dispersion_kms / V0_KMS, **_galpy_arguments(stream))
-    smooth.turn_physical_off()
-    return smooth
-
-
-def galpy_gap(stream: StreamModel, time_gyr: float, **impact):
-    """The `galpy.df.streamgapdf` of `stream` with one impact at `time_gyr`.
-
-    With no further arguments only its geometry is set up; `impact` takes galpy's
-    ``impact_angle, impactb, subhalovel, GM, rs, hernquist, nKickPoints`` (natural units).
-    """
-    from galpy.df import streamgapdf
-
-    sign = 1.0 if stream.arm == "leading" else -1.0
-    if not impact:
-        impact = {"impact_angle": 0.1 * sign, "GM": 1e-6, "rs": 1e-2, "nokicksetup": True}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return streamgapdf(
-            stream.dispersion_kms / V0_KMS,
-            timpact=time_gyr / time_unit_gyr(),
-            **impact,
-            **_galpy_arguments(stream),
-        )
-
-
-def _smooth_stream(stream: StreamModel) -> dict:
-    from galpy.util import coords
-
-    smooth = galpy_stream(stream)
-    ell, b, dist = smooth._interpolatedObsTrackLB[:, :3].T
-    ra, dec = coords.lb_to_radec(ell, b, degree=True).T
-    phi1, phi2 = coords.radec_to_custom(ra, dec, T=GD1_ROTATION, degree=True).T
-    radec_phi1 = np.rad2deg(np.unwrap(np.deg2rad(phi1)))
-    orbit = smooth._progenitor.orbit[0]
-    middle = smooth._meandO * smooth._tdisrupt
-    return {
-        "mean_omega": float(smooth._meandO),
-        "sigma_omega": float(np.sqrt(smooth._sortedSigOEig[2])),
-        "t_disrupt": float(smooth._tdisrupt),
-        "mean_radius": float(np.mean(np.hypot(orbit[:, 0], orbit[:, 3]))),
-        "width": float(smooth.sigangledAngle(middle, simple=True, use_physical=False)),
-        "track_theta": np.asarray(smooth._interpolatedThetasTrack),
-        "track_ell": np.rad2deg(np.unwrap(np.deg2rad(ell))),
-        "track_b": np.asarray(b),
-        "track_dist": np.asarray(dist),
-        # φ1 in (-180, 180] where the stream starts, as observers quote it.
-        "track_phi1": radec_phi1 - 360.0 * np.round(radec_phi1[0] / 360.0),
-        "track_phi2": np.asarray(phi2),
-    }
-
-
-def _impact_nodes(stream: StreamModel, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Angles, phase-space track and frequency Jacobian at the nodes of impact time k."""
-    gap = galpy_gap(stream, stream.impact_times_gyr[k])
-    row = gap._sigMeanSign * np.einsum(
-        "f,nfv->nv", gap._dsigomeanProgDirection, gap._gap_alljacsTrack[:, :3, :]
-    )
-    # Columns are R, vR, vT, z, vz, φ; only the velocities are kicked.
-    return np.array(gap._gap_thetasTrack), np.array(gap._gap_ObsTrackXY), row[:, [1, 2, 4]]
 
 
 def _blend_jacobians(

@@ -14,49 +14,33 @@ import shutil
 import tempfile
 import uuid
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import filelock
-import numpy as np
 import platformdirs
 import xarray as xr
 
 from streamdash.config import Config, EnsembleConfig, SpectraConfig, StreamModel
-from streamdash.store_codec import (
-    CHUNK,
-    chunk_count,
-    decode,
-    encode_chunk,
-    encode_dataset,
-    encode_ensemble_header,
-)
+from streamdash.store_codec import CHUNK, decode
 from streamdash.store_entry import (
-    DATA,
     FORMATS,
     SET_ASIDE,
     Entry,
     ForeignError,
-    Manifest,
     StoreError,
-    create,
     explained,
-    file_problems,
-    geometry_label,
     inspect,
     key_of,
-    new_manifest,
-    now,
     problems_of,
     read_manifest,
     read_verified,
-    set_aside,
-    sha256,
-    spectra_label,
     streams_in,
-    write_file,
-    write_model,
 )
+from streamdash.store_parts import GeometryWriter, part_files, parts_folder, store_whole
+from streamdash.store_read import holds, holds_geometry, read_ensemble, read_finished
+from streamdash.store_title import geometry_label, spectra_label
+from streamdash.store_writer import Writer, continue_ensemble, siblings
 
 __all__ = ["CHUNK", "BusyError", "Cache", "Entry", "ForeignError", "StoreError", "Writer", "geometry_label"]
 
@@ -113,7 +97,9 @@ class Cache:
         for kind in kinds:
             for root in self.roots:
                 for path in _children(root / kind):
-                    found.append(inspect(path, kind, shipped=root != self.writable))
+                    entry = inspect(path, kind, shipped=root != self.writable)
+                    if path.exists():  # not removed while it was looked at
+                        found.append(entry)
         return found
 
     def verify(self, entry: Entry) -> list[str]:
@@ -148,6 +134,8 @@ class Cache:
     def open_ensemble(self, config_or_key: EnsembleConfig | str, n_streams: int | None = None) -> xr.Dataset:
         """Read an ensemble, its checksums compared on the way.
 
+        Streams that a larger ensemble of otherwise the same configuration holds are read from there.
+
         Parameters
         ----------
         config_or_key : the configuration or its key.
@@ -169,24 +157,81 @@ class Cache:
         refusals = []
         for path in self._paths("ensembles", key):
             try:
-                return _read_ensemble(path, n_streams)
+                return read_ensemble(path, n_streams)
             except StoreError as error:
                 refusals.append(f"The ensemble {path.name} cannot be opened: {error}.")
+        if isinstance(config_or_key, EnsembleConfig):
+            wanted = config_or_key.n_streams if n_streams is None else n_streams
+            for path in siblings(self._ensembles(), config_or_key):
+                with contextlib.suppress(StoreError):
+                    return read_ensemble(path, wanted)
         if not refusals:
             raise StoreError(f"There is no ensemble with the key {key[:16]!r} in the cache.")
         raise StoreError(refusals[-1])
 
-    def begin(self, config: EnsembleConfig, background: xr.Dataset, timeout: float = -1) -> Writer:
+    def open_finished(self, key: str, limit: int) -> xr.Dataset | None:
+        """The finished streams of an ensemble that may be partial, at most about `limit` of them.
+
+        Returns
+        -------
+        xarray.Dataset or None
+            As from `open_ensemble`, with the streams' numbers as the coordinate ``stream``; None
+            when nothing is finished.
+        """
+        for path in self._paths("ensembles", key):
+            with contextlib.suppress(StoreError):
+                return read_finished(path, limit)
+        return None
+
+    def covering(self, config: EnsembleConfig) -> Entry | None:
+        """The intact entry that holds all streams of `config`: its own, or a larger one like it."""
+        paths = [*self._paths("ensembles", config.key), *siblings(self._ensembles(), config)]
+        for path in paths:
+            if holds(path, config.n_streams):
+                entry = inspect(path, "ensembles", shipped=path.parent.parent != self.writable)
+                if entry.state in ("complete", "partial"):
+                    return entry
+        return None
+
+    def streams_done(self, config: EnsembleConfig) -> int:
+        """How many streams the entry of `config` lists as finished; a quick look, nothing is checked."""
+        for path in self._paths("ensembles", config.key):
+            with contextlib.suppress(StoreError):
+                return streams_in(config, read_manifest(path, "ensembles")[0].chunks)
+        return 0
+
+    def times_done(self, stream: StreamModel) -> int:
+        """How many impact times of a geometry are finished; a quick look, nothing is checked."""
+        if any(holds_geometry(path) for path in self._paths("geometries", stream.key)):
+            return len(stream.impact_times_gyr)
+        return len(part_files(parts_folder(self.writable, stream))) if self.writable else 0
+
+    def busy(self, key: str) -> bool:
+        """Whether somebody is writing the entry of this key now."""
+        if self.writable is None or not _lock_path(self.writable, key).exists():
+            return False
+        try:
+            _lock(self.writable, key, timeout=0).release()
+        except BusyError:
+            return True
+        except StoreError:  # cannot be written to by anybody here
+            return False
+        return False
+
+    def begin(
+        self, config: EnsembleConfig, background: xr.Dataset, timeout: float = -1, title: str = ""
+    ) -> Writer:
         """Create or continue the ensemble of `config`; the only way to write to it.
 
         Damaged chunks of an entry count as missing. An entry that cannot be continued (damaged in
         another way, foreign, or made by other code or from another smooth stream) is renamed, not
-        deleted.
+        deleted. Chunks that an ensemble with fewer or more streams has already are taken over.
 
         Parameters
         ----------
         background : Dataset with ``theta``, ``smooth`` and ``omega_smooth``, each (theta,).
         timeout : seconds to wait for another process that writes to the entry; -1 for ever.
+        title : name for people; an entry keeps the first it was given.
 
         Raises
         ------
@@ -200,7 +245,8 @@ class Cache:
         lock = _lock(root, config.key, timeout)
         try:
             with explained(root):
-                manifest = _continue_ensemble(path, config, background)
+                others = list(siblings(self._ensembles(), config))
+                manifest = continue_ensemble(path, config, background, others, title)
         except BaseException:
             lock.release()
             raise
@@ -219,6 +265,24 @@ class Cache:
         """The stored spectra of an ensemble, as `open_geometry` gives a geometry."""
         return self._open_whole("spectra", config)
 
+    def begin_geometry(self, stream: StreamModel, timeout: float = -1) -> GeometryWriter:
+        """Create or continue the geometry of `stream`; the only way to write to it.
+
+        Parameters
+        ----------
+        timeout : seconds to wait for another process that computes it; -1 for ever.
+
+        Raises
+        ------
+        BusyError
+            When the other process has not finished in time.
+        StoreError
+            When the cache cannot be written to.
+        """
+        root = self._writable()
+        path = root / "geometries" / f"{geometry_label(stream)}-{stream.key}"
+        return GeometryWriter(path, stream, _lock(root, stream.key, timeout))
+
     def save_geometry(self, stream: StreamModel, dataset: xr.Dataset, cost_s: float = 0.0) -> None:
         """Store a geometry (any Dataset of numbers), unless an intact one is there already.
 
@@ -234,6 +298,18 @@ class Cache:
     def save_spectra(self, config: SpectraConfig, dataset: xr.Dataset, cost_s: float = 0.0) -> None:
         """Store the spectra of an ensemble as `save_geometry` does; `cost_s` includes the ensemble's."""
         self._save_whole("spectra", config, spectra_label(config), dataset, cost_s)
+
+    def writing(self, key: str, timeout: float = 0) -> filelock.BaseFileLock:
+        """The sole right to write the entry of a key; a context manager that gives it back.
+
+        Raises
+        ------
+        BusyError
+            When somebody else has it and does not give it back in `timeout` seconds.
+        StoreError
+            When the cache cannot be written to.
+        """
+        return _lock(self._writable(), key, timeout)
 
     # ------------------------------------------------------------ removing
 
@@ -251,7 +327,7 @@ class Cache:
         if entry.state == "foreign":
             raise StoreError(f"{entry.path} was not made by streamdash ({entry.reason}); delete it by hand.")
         root = self._writable()
-        with _lock(root, entry.key or entry.path.name, timeout=0), explained(root):
+        with self.writing(entry.key or entry.path.name), explained(root):
             doomed = entry.path.with_name(f".removed-{uuid.uuid4().hex}")
             os.replace(entry.path, doomed)
             shutil.rmtree(doomed)
@@ -269,136 +345,19 @@ class Cache:
 
     def _save_whole(self, kind: str, config: Config, label: str, dataset: xr.Dataset, cost_s: float) -> None:
         root = self._writable()
-        path = root / kind / f"{label}-{config.key}"
-        files = encode_dataset(dataset)
-        manifest = new_manifest(kind, config, label, files, cost_s)
-        with _lock(root, config.key, timeout=-1), explained(root):
-            if path.exists():
-                if not problems_of(path, kind):
-                    return
-                set_aside(path)
-            create(path, config, manifest, files)
+        with self.writing(config.key, timeout=-1), explained(root):
+            store_whole(root / kind / f"{label}-{config.key}", config, label, dataset, cost_s)
 
     def _writable(self) -> Path:
         if self.writable is None:
             raise StoreError("This cache is only read; choose a folder with --cache or STREAMDASH_CACHE.")
         return self.writable
 
+    def _ensembles(self) -> list[Path]:
+        return [path for root in self.roots for path in _children(root / "ensembles")]
+
     def _paths(self, kind: str, key: str) -> list[Path]:
         return [path for root in self.roots for path in _children(root / kind) if key_of(path.name) == key]
-
-
-@dataclass
-class Writer:
-    """The right to add chunks to one ensemble; a context manager that gives it back.
-
-    Obtained from `Cache.begin`.
-    """
-
-    path: Path
-    config: EnsembleConfig
-    manifest: Manifest
-    lock: filelock.BaseFileLock = field(repr=False)
-
-    def missing(self) -> list[int]:
-        """Numbers of the chunks that are still to be computed."""
-        return [i for i in range(chunk_count(self.config.n_streams)) if i not in self.manifest.chunks]
-
-    @property
-    def n_done(self) -> int:
-        """Streams that are finished."""
-        return streams_in(self.config, self.manifest.chunks)
-
-    def write(
-        self, index: int, density: np.ndarray, omega: np.ndarray, n_impacts: np.ndarray, cost_s: float = 0.0
-    ) -> None:
-        """Add one chunk: its files first, the manifest last, each whole or not at all.
-
-        Parameters
-        ----------
-        density, omega : array (n, n_theta); density normalised, frequency in natural units
-        n_impacts : array (n,)
-        cost_s : core seconds it took
-
-        Raises
-        ------
-        StoreError
-            When the disk is full or read-only; earlier chunks stay.
-        ValueError
-            When an array has the wrong shape or is not finite.
-        """
-        files = encode_chunk(self.config, index, density, omega, n_impacts)
-        sums = {name: sha256(data) for name, data in files.items()}
-        manifest = self.manifest.model_copy(
-            update={
-                "chunks": dict(sorted({**self.manifest.chunks, index: sums}.items())),
-                "updated": now(),
-                "cost_s": self.manifest.cost_s + cost_s,
-            }
-        )
-        with explained(self.path.parent.parent):
-            for name, data in files.items():
-                write_file(self.path / DATA / name, data)
-            write_model(self.path / "manifest.json", manifest)
-        self.manifest = manifest
-
-    def close(self) -> None:
-        """Let others write."""
-        self.lock.release()
-
-    def __enter__(self) -> Writer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-
-# ---------------------------------------------------------------- one entry
-
-
-def _read_ensemble(path: Path, n_streams: int | None) -> xr.Dataset:
-    manifest, config = read_manifest(path, "ensembles")
-    assert isinstance(config, EnsembleConfig)
-    wanted = config.n_streams if n_streams is None else n_streams
-    if not 1 <= wanted <= config.n_streams:
-        raise StoreError(f"it holds {config.n_streams} streams, so 1 to {config.n_streams} can be read")
-    needed = range(chunk_count(wanted))
-    if any(i not in manifest.chunks for i in needed):
-        total = chunk_count(config.n_streams)
-        raise StoreError(f"it is not finished, {len(manifest.chunks)} of {total} chunks are there")
-    names = dict(manifest.header)
-    for i in needed:
-        names |= manifest.chunks[i]
-    return decode(read_verified(path, names), first=wanted)
-
-
-def _continue_ensemble(path: Path, config: EnsembleConfig, background: xr.Dataset) -> Manifest:
-    """Manifest of the entry at `path`, created when there is none that can be continued."""
-    header = encode_ensemble_header(config, background)
-    fresh = new_manifest("ensembles", config, config.perturbers.label, header)
-    if path.exists():
-        try:
-            return _continued(path, fresh)
-        except StoreError as error:
-            log.warning("The entry %s cannot be continued and is set aside: %s.", path.name, error)
-            set_aside(path)
-    create(path, config, fresh, header)
-    return fresh
-
-
-def _continued(path: Path, fresh: Manifest) -> Manifest:
-    """Manifest of an existing entry, without its damaged chunks; StoreError when it is of no use."""
-    manifest, _ = read_manifest(path, "ensembles")
-    if problems := file_problems(path, manifest.header, fresh=True):
-        raise StoreError(problems[0])
-    if manifest.code_version != fresh.code_version:
-        raise StoreError(f"version {manifest.code_version} made it, this is version {fresh.code_version}")
-    if manifest.header != fresh.header:
-        raise StoreError("its smooth stream differs from today's")
-    sound = {i: files for i, files in manifest.chunks.items() if not file_problems(path, files, fresh=True)}
-    if damaged := len(manifest.chunks) - len(sound):
-        log.warning("%s: %d damaged chunks are computed again.", path.name, damaged)
-    return manifest.model_copy(update={"chunks": sound})
 
 
 def _children(folder: Path) -> Iterator[Path]:
@@ -407,12 +366,16 @@ def _children(folder: Path) -> Iterator[Path]:
 
 
 def _lock(root: Path, key: str, timeout: float) -> filelock.BaseFileLock:
+    path = _lock_path(root, key)
     with explained(root):
-        folder = root / ".locks"
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = filelock.FileLock(folder / f"{key}.lock", thread_local=False)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = filelock.FileLock(path, thread_local=False)
         try:
             lock.acquire(timeout=timeout)
         except filelock.Timeout:
             raise BusyError(f"Another process is writing the cache entry {key}; wait for it.") from None
     return lock
+
+
+def _lock_path(root: Path, key: str) -> Path:
+    return root / ".locks" / f"{key}.lock"

@@ -112,12 +112,12 @@ def encode_dataset(dataset: xr.Dataset) -> dict[str, bytes]:
     return {name: buffer.to_bytes() for name, buffer in files.items()}
 
 
-def decode(files: Mapping[str, bytes], first: int | None = None) -> xr.Dataset:
-    """Dataset, in memory, of the files of a group; optionally of the `first` streams only."""
+def decode(files: Mapping[str, bytes], streams: slice | list[int] | None = None) -> xr.Dataset:
+    """Dataset, in memory, of the files of a group; optionally of some of its streams only."""
     store = MemoryStore({name: cpu.Buffer.from_bytes(data) for name, data in files.items()})
     dataset = xr.open_zarr(store, consolidated=False, zarr_format=3, chunks=None, decode_times=False)
-    if first is not None:
-        dataset = dataset.isel(stream=slice(first))
+    if streams is not None:
+        dataset = dataset.isel(stream=streams)
     return dataset.load().drop_encoding()
 
 

@@ -27,10 +27,11 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from streamdash.config import Config, ConfigError, EnsembleConfig, SpectraConfig, StreamModel
 from streamdash.store_codec import DENSITY_BITS, OMEGA_BITS, chunk_count, chunk_files, chunk_streams
+from streamdash.store_title import check_title
 
 DATA = "data.zarr"
 SET_ASIDE = ".damaged-"
@@ -76,6 +77,7 @@ class Manifest(Config):
     format: str
     config_key: str
     label: str
+    title: Annotated[str, AfterValidator(check_title)] = ""
     code_version: str
     created: str
     updated: str
@@ -159,11 +161,12 @@ def read_manifest(entry: Path, kind: str) -> tuple[Manifest, Config]:
             f"and the directory is named {entry.name}"
         )
     if isinstance(config, EnsembleConfig):
-        _check_names(manifest, config)
+        check_chunks(manifest, config)
     return manifest, config
 
 
-def _check_names(manifest: Manifest, config: EnsembleConfig) -> None:
+def check_chunks(manifest: Manifest, config: EnsembleConfig) -> None:
+    """Raise a `StoreError` when a manifest lists chunks that the ensemble cannot have."""
     for index, files in manifest.chunks.items():
         if not 0 <= index < chunk_count(config.n_streams) or set(files) != set(chunk_files(index)):
             raise StoreError(f"manifest.json lists a chunk {index} that this ensemble cannot have")
@@ -233,6 +236,7 @@ class Entry:
     kind : "ensemble", "geometry" or "spectra"
     key : content hash of `config`; empty for a directory without one.
     label : mass range of an ensemble or of spectra, arm and age of a geometry.
+    title : name that somebody gave to an ensemble; text to be shown with care.
     path : the directory.
     state : "complete", "partial", "damaged" or "foreign".
     reason : why it is damaged or foreign, in words; empty otherwise.
@@ -259,6 +263,7 @@ class Entry:
     cost_s: float
     code_version: str
     shipped: bool
+    title: str = ""
 
 
 def inspect(path: Path, kind: str, shipped: bool) -> Entry:
@@ -303,6 +308,7 @@ def inspect(path: Path, kind: str, shipped: bool) -> Entry:
         date=manifest.updated,
         cost_s=manifest.cost_s,
         code_version=manifest.code_version,
+        title=manifest.title,
     )
 
 
@@ -317,17 +323,6 @@ def problems_of(path: Path, kind: str) -> list[str]:
     return file_problems(path, manifest.listed(), fresh=True)
 
 
-def geometry_label(stream: StreamModel) -> str:
-    """How people recognise a stream's geometry, for example ``leading-9Gyr-64times``."""
-    return f"{stream.arm}-{stream.age_gyr:g}Gyr-{len(stream.impact_times_gyr)}times"
-
-
-def spectra_label(config: SpectraConfig) -> str:
-    """How people recognise spectra, for example ``1e3-1e5-32times-1000streams``."""
-    n_times = len(config.ensemble.stream.impact_times_gyr)
-    return f"{config.ensemble.perturbers.label}-{n_times}times-{config.n_streams}streams"
-
-
 def streams_in(config: EnsembleConfig, chunks: Iterable[int]) -> int:
     """How many streams the given chunks hold together."""
     return sum(len(chunk_streams(config, index)) for index in chunks)
@@ -335,9 +330,10 @@ def streams_in(config: EnsembleConfig, chunks: Iterable[int]) -> int:
 
 def _size(path: Path) -> int:
     total = 0
-    for file in path.rglob("*"):
-        with contextlib.suppress(OSError):  # removed or replaced meanwhile
-            total += file.stat().st_size if file.is_file() else 0
+    for folder, _, names in os.walk(path):  # passes over folders that are removed meanwhile
+        for name in names:
+            with contextlib.suppress(OSError):
+                total += os.stat(os.path.join(folder, name)).st_size
     return total
 
 
@@ -345,7 +341,12 @@ def _size(path: Path) -> int:
 
 
 def new_manifest(
-    kind: str, config: Config, label: str, header: Mapping[str, bytes], cost_s: float = 0.0
+    kind: str,
+    config: Config,
+    label: str,
+    header: Mapping[str, bytes],
+    cost_s: float = 0.0,
+    title: str = "",
 ) -> Manifest:
     """Manifest of an entry that is about to be created from the files `header`."""
     kept = {"density": DENSITY_BITS, "omega": OMEGA_BITS} if kind == "ensembles" else {}
@@ -353,6 +354,7 @@ def new_manifest(
         format=FORMATS[kind],
         config_key=config.key,
         label=label,
+        title=title,
         code_version=_code_version(),
         created=now(),
         updated=now(),

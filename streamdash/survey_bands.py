@@ -143,6 +143,28 @@ def bin_profiles(geometry: Geometry, dataset: xr.Dataset, config: EnsembleConfig
     )
 
 
+def bin_angles(dataset: xr.Dataset, config: EnsembleConfig) -> Binned:
+    """Qρ of an ensemble at its own angles, without noise: for any stream, and for streams so far.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        As of `streamdash.store.Cache.open_ensemble`.
+
+    Returns
+    -------
+    Binned
+        Of which only the coordinate ``theta`` can be drawn.
+    """
+    centres = dataset.theta.values
+    middles = (centres[1:] + centres[:-1]) / 2
+    edges = np.concatenate([[2 * centres[0] - middles[0]], middles, [2 * centres[-1] - middles[-1]]])
+    values = (dataset.density / np.maximum(dataset.smooth, 1e-6)).values.T
+    values = np.ascontiguousarray(values, dtype=np.float32)
+    none, ones = np.full(len(edges), np.nan), np.ones(len(centres))
+    return Binned(config, "q_rho", none, edges, none, values, np.zeros_like(values), ones, ones)
+
+
 def noise_draws(config: EnsembleConfig, shape: tuple[int, int]) -> np.ndarray:
     """The fixed standard-normal draws of an ensemble, (n_streams, n_bin) float32.
 

@@ -67,6 +67,7 @@ from app.pages.learn import LearnPage
 from app.pages.observe import ObservePage
 from app.pages.pdf import PdfPage
 from app.pages.profiles import ProfilesPage
+from app.pages.simulate import SimulatePage
 from app.pages.spectrum import SpectrumPage
 
 PAGES: tuple[type[Page], ...] = (
@@ -77,6 +78,7 @@ PAGES: tuple[type[Page], ...] = (
     ObservePage,
     SpectrumPage,
     ConvergencePage,
+    SimulatePage,
     LearnPage,
 )
 """All pages, in the navigation's order."""

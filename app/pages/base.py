@@ -33,6 +33,8 @@ class Page:
     """Name in the navigation."""
     uses: ClassVar[frozenset[str]] = frozenset()
     """Names of the `Session` parameters that `update` wants to hear about."""
+    needs_ensembles: ClassVar[bool] = True
+    """Whether the page has nothing to show while the cache holds no complete ensemble."""
 
     def __init__(self, session: Session, services: Services) -> None:
         self.session = session
@@ -78,6 +80,10 @@ class Page:
         widget.param.watch(from_widget, "value")
         self._watchers.append(session.param.watch(from_session, name))
         return widget
+
+    def follow(self, name: str, action: Callable[[], Any]) -> None:
+        """Call ``action()`` whenever a session parameter has changed, until the page closes."""
+        self._watchers.append(self.session.param.watch(lambda _: action(), name))
 
     def close(self) -> None:
         """Let go of the session; derived pages also stop timers and jobs here, then call this."""

@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 FLOW = [
     ["config"],
-    ["store"],
+    ["store", "workers"],
     ["geometry"],
     ["impacts"],
     ["kicks"],

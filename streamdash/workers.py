@@ -1,0 +1,159 @@
+"""Who computes: this process, worker processes of this machine, or a Dask cluster.
+
+One way of handing out independent pieces of work for all three, so that what is computed is the same
+code wherever it runs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import threading
+import time
+import warnings
+from collections.abc import Callable, Generator, Iterable
+from functools import lru_cache
+from typing import Any, Literal, TypeVar
+
+import joblib
+from threadpoolctl import threadpool_limits
+
+T = TypeVar("T")
+Executor = Literal["inline", "processes", "dask"]
+
+BACKENDS = {"inline": "sequential", "processes": "loky"}
+PARENT_POLL_S = 1.0
+
+
+class WorkerError(RuntimeError):
+    """A worker could not do its part; what was finished is kept."""
+
+
+def results(
+    function: Callable[..., T],
+    pieces: Iterable[tuple],
+    executor: str = "processes",
+    workers: int | None = None,
+    nice: int = 0,
+) -> Generator[T]:
+    """``function(*piece)`` for every piece, in the order in which they are finished.
+
+    Parameters
+    ----------
+    executor : {"inline", "processes", "dask"} or a joblib backend
+        This process, joblib's worker processes, or the Dask cluster of the active
+        ``distributed.Client``.
+    workers : how many worker processes; one per core by default.
+    nice : how much worker processes of this machine stand back for others (0 to 19).
+
+    Raises
+    ------
+    WorkerError
+        When a worker was killed, or the cluster is gone.
+    ValueError
+        When the executor does not exist; whatever `function` raises is passed on as well.
+    """
+    backend = BACKENDS.get(executor, executor)
+    limits = {"inner_max_num_threads": 1} if backend == "loky" else {}
+    n_jobs = 1 if backend == "sequential" else workers or -1
+    parent = os.getpid() if backend == "loky" else 0
+    with _as_worker_error(), joblib.parallel_config(backend=backend, n_jobs=n_jobs, **limits):
+        parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
+        work = joblib.delayed(_work)
+        with _spared_from_ctrl_c():
+            found = parallel(work(function, piece, parent, nice) for piece in pieces)
+        try:
+            # Not `yield from`, which would close them before the warnings are off.
+            for result in found:  # noqa: UP028
+                yield result
+        finally:
+            with warnings.catch_warnings():  # that work is given up when stopping is intended
+                warnings.simplefilter("ignore", UserWarning)
+                found.close()
+
+
+@contextlib.contextmanager
+def _spared_from_ctrl_c() -> Generator[None]:
+    """Start processes that Ctrl-C on the terminal does not reach: the parent ends them, and a worker
+    that is still importing would print a traceback."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _work(function: Callable[..., T], piece: tuple, parent: int, nice: int) -> T:
+    """One piece, in a worker process that ends when process `parent` does (0: in no such process)."""
+    if parent:
+        _settle(parent, nice)
+    with threadpool_limits(limits=1):  # one core a worker, and sums in one order
+        return function(*piece)
+
+
+@lru_cache(maxsize=1)
+def _settle(parent: int, nice: int) -> None:
+    # Workers of a killed process would wait for work for ever: each holds the others' pipe open.
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(PARENT_POLL_S)
+        os._exit(1)
+
+    if os.getppid() == parent:  # not so in the parent itself, which is its own only worker
+        threading.Thread(target=watch, daemon=True).start()
+        with contextlib.suppress(AttributeError, OSError):
+            os.setpriority(os.PRIO_PROCESS, 0, nice)
+
+
+@contextlib.contextmanager
+def _as_worker_error() -> Generator[None]:
+    """Say in one sentence what became of the workers."""
+    try:
+        yield
+    except joblib.externals.loky.process_executor.BrokenProcessPool as error:
+        raise WorkerError(
+            "A worker process was killed, perhaps for want of memory; what was finished is kept: "
+            "run this again with fewer workers to resume."
+        ) from error
+    except Exception as error:
+        if not _is_of_dask(error):
+            raise
+        raise WorkerError(
+            f"The Dask cluster lost its workers ({type(error).__name__}); what was finished is kept: "
+            "run this again to resume."
+        ) from error
+
+
+def _is_of_dask(error: Exception) -> bool:
+    """Whether an exception is Dask's own, without importing what may not be installed."""
+    return any(cls.__module__.split(".")[0] in ("distributed", "dask") for cls in type(error).__mro__)
+
+
+def cluster(scheduler: str | None) -> Any:
+    """A client of the Dask cluster at an address, or of a new one on this machine.
+
+    Raises
+    ------
+    WorkerError
+        When Dask is not installed or the scheduler does not answer.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise WorkerError("Dask is not installed: pip install 'streamdash[dask]'.") from None
+    try:
+        return Client(scheduler, timeout="10s") if scheduler else Client(threads_per_worker=1)
+    except (OSError, ValueError) as error:
+        raise WorkerError(f"The Dask scheduler {scheduler} cannot be reached ({error}).") from None
+
+
+def in_process(function: Callable[..., T], *arguments: Any) -> T:
+    """``function(*arguments)`` in a process of its own, which ends afterwards; raises what it raises."""
+    from joblib.externals.loky import ProcessPoolExecutor
+
+    with _as_worker_error(), ProcessPoolExecutor(1) as executor:
+        return executor.submit(_work, function, arguments, os.getpid(), 0).result()

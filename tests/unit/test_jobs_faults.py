@@ -1,0 +1,266 @@
+"""Jobs when processes are killed, disks fill up, several servers share a cache: all of it really happens."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from streamdash.config import EnsembleConfig, Perturbers
+from streamdash.ensemble import simulate
+from streamdash.jobs import Jobs, Limits
+from streamdash.store import Cache
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# A server as far as jobs go: it submits what it is told to and says how that ended.
+SERVER = """
+import sys
+from streamdash.config import EnsembleConfig
+from streamdash.jobs import Jobs, Limits
+from streamdash.store import Cache
+jobs = Jobs(Cache.default(sys.argv[1]), Limits(workers=2, nice=0))
+key = jobs.submit(EnsembleConfig.parse(sys.argv[2]), "me")
+status = jobs.wait(key, 120)
+print("done" if status is None else status.state, flush=True)
+jobs.close()
+"""
+
+
+@pytest.fixture(scope="module")
+def config() -> EnsembleConfig:
+    return EnsembleConfig(perturbers=Perturbers(mass_range="1e5-1e7"), n_streams=330, n_theta=40)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(config, geometry_root, tmp_path_factory, toy) -> dict[str, bytes]:
+    """Files of the ensemble computed in one go."""
+    root = tmp_path_factory.mktemp("undisturbed") / "cache"
+    shutil.copytree(geometry_root, root)
+    cache = Cache.default(root)
+    simulate(config, "processes", 2, cache=cache)
+    return toy.data_bytes(cache.find(config.key).path)
+
+
+@pytest.fixture
+def launch():
+    """Start a process in a session of its own; whatever is left of it is killed afterwards."""
+    processes = []
+
+    def begin(*arguments: object, **environment: str) -> subprocess.Popen:
+        process = subprocess.Popen(
+            [str(a) for a in arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+            start_new_session=True,
+            env={**os.environ, **environment},
+        )
+        processes.append(process)
+        return process
+
+    yield begin
+    for process in processes:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+@pytest.fixture
+def server(launch, config):
+    """Start a process that computes `config` as a background job on a cache."""
+    return lambda cache: launch(sys.executable, "-c", SERVER, cache.roots[0], config.model_dump_json())
+
+
+def run_here(cache: Cache, config: EnsembleConfig, **limits):
+    """Have a job done by this process; returns its last status."""
+    jobs = Jobs(cache, Limits(**{"workers": 2, "nice": 0, **limits}))
+    try:
+        return jobs.wait(jobs.submit(config, "me"), 120)
+    finally:
+        jobs.close()
+
+
+def wait_for_streams(cache: Cache, config: EnsembleConfig, process: subprocess.Popen) -> int:
+    deadline = time.monotonic() + 120
+    while not (done := cache.streams_done(config)):
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline, "the simulation did not get going"
+        time.sleep(0.01)
+    return done
+
+
+def files(toy, cache: Cache, config: EnsembleConfig) -> dict[str, bytes]:
+    return toy.data_bytes(cache.find(config.key).path)
+
+
+def children(pid: int) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+# ------------------------------------------------------------------ kill -9
+
+
+def test_a_job_goes_on_when_its_workers_are_killed(config, undisturbed, geometry_cache, toy):
+    from joblib.externals.loky import reusable_executor
+
+    jobs = Jobs(geometry_cache, Limits(workers=2, nice=0))
+    key = jobs.submit(config, "me")
+    while jobs.find(key).done == 0:
+        time.sleep(0.01)
+    for pid in list(reusable_executor._executor._processes):
+        os.kill(pid, signal.SIGKILL)
+    status = jobs.wait(key, 120)
+    jobs.close()
+    assert (status.state, status.error) == ("done", "")
+    assert files(toy, geometry_cache, config) == undisturbed
+
+
+def test_a_killed_server_loses_nothing_that_was_finished(config, undisturbed, geometry_cache, toy, server):
+    process = server(geometry_cache)
+    wait_for_streams(geometry_cache, config, process)
+    workers = children(process.pid)
+    process.kill()
+    process.wait()
+    entry = geometry_cache.find(config.key)
+    kept = toy.data_bytes(entry.path)
+    assert (entry.state, geometry_cache.verify(entry)) == ("partial", [])
+    assert run_here(geometry_cache, config).state == "done"
+    after = files(toy, geometry_cache, config)
+    assert after == undisturbed
+    assert all(after[name] == data for name, data in kept.items() if not name.endswith(".tmp"))
+    assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()]  # they noticed
+
+
+def test_two_servers_and_the_command_line_on_one_cache(
+    config, undisturbed, geometry_cache, toy, server, launch
+):
+    command = ["--mass", config.perturbers.label, "--streams", config.n_streams, "--n-theta", config.n_theta]
+    line = [sys.executable, "-m", "streamdash.cli", "simulate", *command, "--workers", 2]
+    both = [server(geometry_cache) for _ in range(2)]
+    one = launch(*line, "--cache", geometry_cache.roots[0])
+    for process in both:
+        output, errors = process.communicate(timeout=120)
+        assert output.strip() == "done", errors
+    output, errors = one.communicate(timeout=120)
+    assert "330 streams of 1e5-1e7" in output, errors
+    assert files(toy, geometry_cache, config) == undisturbed
+    assert [e.state for e in geometry_cache.entries() if e.kind == "ensemble"] == ["complete"]
+
+
+@pytest.mark.slow
+def test_a_cluster_goes_on_when_a_worker_is_killed_and_says_so_when_it_is_gone(
+    config, undisturbed, geometry_cache, toy, launch, tmp_path
+):
+    pytest.importorskip("distributed")
+    dask = [sys.executable, "-m", "dask"]
+    contact = tmp_path / "scheduler.json"
+    scheduler = launch(
+        *dask, "scheduler", "--host", "127.0.0.1", "--port", 0, "--no-dashboard", "--scheduler-file", contact
+    )
+    common = ["--nthreads", 1, "--no-dashboard", "--scheduler-file", contact, "--no-nanny"]
+    common += ["--local-directory", tmp_path / "scratch"]
+    workers = [launch(*dask, "worker", *common) for _ in range(2)]
+    deadline = time.monotonic() + 60
+    while not contact.exists():
+        assert time.monotonic() < deadline and scheduler.poll() is None
+        time.sleep(0.05)
+    address = _address(contact)
+    jobs = Jobs(geometry_cache, Limits(scheduler=address))
+    key = jobs.submit(config, "me")
+    while (status := jobs.find(key)).active and not status.done:
+        time.sleep(0.01)
+    assert status.done, status.error
+    workers[0].kill()
+    assert jobs.wait(key, 120).state == "done"
+    assert files(toy, geometry_cache, config) == undisturbed
+    scheduler.kill()
+    scheduler.wait()
+    key = jobs.submit(config.model_copy(update={"seed": 1}), "me")
+    status = jobs.wait(key, 60)
+    jobs.close()
+    assert status.state == "failed"
+    assert status.error.startswith(f"The Dask scheduler {address} cannot be reached")
+
+
+def _address(contact: Path) -> str:
+    import json
+
+    return json.loads(contact.read_text())["address"]
+
+
+# ------------------------------------------------------------------ disks
+
+
+@pytest.fixture
+def small_disk(tmp_path) -> Iterator[Path]:
+    """A file system of 1 MB."""
+    if os.geteuid() != 0 or sys.platform != "linux":
+        pytest.skip("only root may make a small file system")
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", folder], capture_output=True)
+    if mounted.returncode:
+        pytest.skip(f"no file system can be made here: {mounted.stderr.decode().strip()}")
+    yield folder
+    subprocess.run(["umount", "--lazy", folder], check=True)
+
+
+def remount(folder: Path, options: str) -> None:
+    subprocess.run(["mount", "-o", f"remount,{options}", folder], check=True)
+
+
+def test_full_and_read_only_disks_end_a_job_in_a_sentence_and_keep_what_is_finished(
+    config, undisturbed, geometry_root, small_disk, toy
+):
+    shutil.copytree(geometry_root, small_disk / "cache")
+    cache = Cache.default(small_disk / "cache")
+    room = os.statvfs(small_disk)
+    (small_disk / "other").write_bytes(bytes(room.f_bavail * room.f_frsize - 80_000))
+    status = run_here(cache, config)
+    assert status.state == "failed"
+    assert status.error == (
+        f"Cannot write to the cache {small_disk / 'cache'}: the disk is full; what was finished is kept, "
+        "so free some space and run this again."
+    )
+    assert 0 < status.done < config.n_streams
+    entry = cache.find(config.key)
+    assert (entry.state, entry.n_done, cache.verify(entry)) == ("partial", status.done, [])
+    remount(small_disk, "ro")
+    status = run_here(cache, config)
+    assert (status.state, status.done) == ("failed", entry.n_done)
+    assert "it is read-only; choose another folder with --cache or STREAMDASH_CACHE" in status.error
+    remount(small_disk, "rw,size=5m")
+    assert run_here(cache, config).state == "done"
+    assert files(toy, cache, config) == undisturbed
+
+
+# ------------------------------------------------------------------ names, languages, clocks
+
+
+def test_odd_folders_languages_and_time_zones_change_no_byte(
+    config, undisturbed, geometry_root, tmp_path, toy, launch
+):
+    root = tmp_path / "Ölüm yıldızı 'İ' \n $HOME"
+    shutil.copytree(geometry_root, root)
+    process = launch(
+        *(sys.executable, "-m", "streamdash.cli", "simulate", "--mass", "1e5-1e7", "--n-theta", 40),
+        *("--streams", 330, "--workers", 2, "--cache", root, "--json"),
+        LC_ALL="C",
+        LANG="tr_TR",
+        TZ="Antarctica/Troll",
+        PYTHONUTF8="0",
+    )
+    output, errors = process.communicate(timeout=120)
+    assert process.returncode == 0, errors
+    assert '"state": "complete"' in output
+    assert files(toy, Cache.default(root), config) == undisturbed
