@@ -47,7 +47,7 @@ def serve_command(
     limits = Limits.from_environment()
     if settings:
         for name, value, meaning in [*settings_table(chosen), *settings_table(limits)]:
-            print(f"{name:<28} {value:<20} {meaning}")
+            print(f"{name:<32} {value:<20} {meaning}")
     check(chosen, os.environ)
     if settings:
         return
