@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
+import joblib
 import numpy as np
 import xarray as xr
 
@@ -163,6 +164,19 @@ def estimate(config: EnsembleConfig, geometry: Geometry) -> Estimate:
         compute_stream(geometry, config, count)
     elapsed = time.perf_counter() - start
     return Estimate(expected_impacts(geometry, config.perturbers), elapsed / count)
+
+
+def prepare_workers(cache: Cache, workers: int | None = None, nice: int = 0) -> None:
+    """Have worker processes of this machine start, import and load what the default stream needs."""
+    with contextlib.suppress(WorkerError, StoreError):
+        for _ in results(_prepare, [(cache,)] * (workers or joblib.cpu_count()), "processes", workers, nice):
+            pass
+
+
+def _prepare(cache: Cache) -> None:
+    config = EnsembleConfig()
+    if cache.open_geometry(config.stream) is not None:
+        compute_stream(_geometry(config.stream, cache), config, 0)
 
 
 def theta_grid(config: EnsembleConfig) -> np.ndarray:

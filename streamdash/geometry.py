@@ -15,6 +15,7 @@ import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -30,7 +31,7 @@ from streamdash.geometry_galpy import (
     progenitor_radius,
     smooth_stream,
     time_unit_gyr,
-    timed_nodes,
+    timed_part,
 )
 from streamdash.store import BusyError, Cache, StoreError
 from streamdash.store_parts import GeometryWriter
@@ -316,14 +317,18 @@ def compute_geometry(
     nodes = dict(kept or {})
     if progress is not None:
         progress(len(nodes), n)
-    pieces = [(stream, k) for k in range(n) if k not in nodes]
+    smooth: dict[str, Any] = {}
+    # The smooth stream takes as long as a time or two: it is built by a worker as well.
+    pieces: list[tuple] = [(stream, None), *((stream, k) for k in range(n) if k not in nodes)]
     try:
-        smooth = smooth_stream(stream)
-        with contextlib.closing(results(timed_nodes, pieces, executor, workers, nice)) as found:
+        with contextlib.closing(results(timed_part, pieces, executor, workers, nice)) as found:
             for k, new, seconds in found:
-                nodes[k] = new
-                if keep is not None:
-                    keep(k, new, seconds)
+                if k is None:
+                    smooth = new
+                else:
+                    nodes[k] = new
+                    if keep is not None:
+                        keep(k, new, seconds)
                 if progress is not None:
                     progress(len(nodes), n)
     except (ValueError, IndexError, FloatingPointError, np.linalg.LinAlgError) as error:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 import warnings
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -130,11 +130,11 @@ def smooth_stream(stream: StreamModel) -> dict:
     }
 
 
-def timed_nodes(stream: StreamModel, k: int) -> tuple[int, Nodes, float]:
-    """Number, nodes and core seconds of impact time k; what a worker computes."""
-    start = time.perf_counter()
-    nodes = impact_nodes(stream, k)
-    return k, nodes, time.perf_counter() - start
+def timed_part(stream: StreamModel, k: int | None) -> tuple[int | None, Any, float]:
+    """Impact time k and its nodes, or None and the smooth stream; and the core seconds that took."""
+    start = time.process_time()
+    part = smooth_stream(stream) if k is None else impact_nodes(stream, k)
+    return k, part, time.process_time() - start
 
 
 def impact_nodes(stream: StreamModel, k: int) -> Nodes:

@@ -15,11 +15,12 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import joblib
+
 from streamdash.config import EnsembleConfig
-from streamdash.ensemble import Stopped, complete
+from streamdash.ensemble import Stopped, complete, prepare_workers
 from streamdash.geometry import load_geometry
-from streamdash.impacts import expected_impacts
-from streamdash.jobs_limits import Limits
+from streamdash.jobs_limits import Limits, Refused, check_impacts, check_size
 from streamdash.jobs_status import JobStatus, Pace
 from streamdash.store import Cache, StoreError
 from streamdash.store_keep import make_room, mark_used, room_for
@@ -32,13 +33,11 @@ log = logging.getLogger(__name__)
 
 LOOK_S = 0.25
 """How often the progress of active jobs is read off the cache."""
+PREPARED_MAX = 16
+"""Most workers that are started before there is a job."""
 KEPT = 50
 """Ended jobs that are remembered."""
 UNEXPECTED = "The simulation failed unexpectedly; the server's log has the details."
-
-
-class Refused(ValueError):
-    """A job that is not begun; the message is one sentence that says what to change."""
 
 
 @dataclass
@@ -83,7 +82,7 @@ class Jobs:
         self._changed = threading.Condition()
         self._looking = threading.Lock()
         self._threads: list[threading.Thread] = []
-        self._closed = False
+        self._closed = self._prepare = False
 
     # ------------------------------------------------------------ asking
 
@@ -119,7 +118,9 @@ class Jobs:
                 return key
         if self.cache.covering(config) is not None:
             return key
-        self._check_size(config)
+        check_size(config, self.limits)
+        if self.cache.open_geometry(config.stream) is not None:  # else it is checked once that is there
+            check_impacts(config, load_geometry(config.stream, self.cache), self.limits)
         with self._changed:
             job = self._jobs.get(key)
             if job is not None and not job.ended and job.stop.is_set():
@@ -155,6 +156,15 @@ class Jobs:
             for job in self._jobs.values():
                 job.owners.discard(owner)
 
+    def prepare(self) -> None:
+        """Start the workers of this machine, so that the first streams of the next job come at once."""
+        limits = self.limits
+        if limits.scheduler or not limits.max_jobs or (limits.workers or joblib.cpu_count()) > PREPARED_MAX:
+            return
+        with self._changed:
+            self._prepare = True
+            self._start()
+
     def find(self, key: str) -> JobStatus | None:
         """The status of a job of this process, as it was last looked at."""
         return next((status for status in self.statuses if status.key == key), None)
@@ -178,31 +188,6 @@ class Jobs:
             thread.join(timeout)
 
     # ------------------------------------------------------------ limits
-
-    def _check_size(self, config: EnsembleConfig) -> None:
-        """Refuse what is too large; as far as the geometry is known, also what takes too long."""
-        limits = self.limits
-        if config.n_streams > limits.max_streams:
-            raise Refused(
-                f"{config.n_streams} streams are more than the {limits.max_streams} that this server "
-                "allows in one simulation; ask for fewer."
-            )
-        if room_for(config) > limits.max_disk_gb * 1e9:
-            raise Refused(
-                f"This ensemble needs up to {room_for(config) / 1e9:.2g} GB of disk, more than the "
-                f"{limits.max_disk_gb:g} GB that this server allows; ask for fewer streams."
-            )
-        if self.cache.open_geometry(config.stream) is not None:
-            self._check_impacts(config)
-
-    def _check_impacts(self, config: EnsembleConfig) -> None:
-        per_stream = expected_impacts(load_geometry(config.stream, self.cache), config.perturbers)
-        if per_stream * config.n_streams > self.limits.max_impacts:
-            raise Refused(
-                f"{config.n_streams} streams with {per_stream:.3g} impacts each are more than the "
-                f"{self.limits.max_impacts:.3g} impacts that this server allows in one simulation; ask for "
-                "fewer streams or a narrower mass range."
-            )
 
     def _check_queue(self, owner: str) -> None:
         active = [job for job in self._jobs.values() if not job.ended]
@@ -238,11 +223,15 @@ class Jobs:
         """Compute one job after the other."""
         while True:
             with self._changed:
-                while (job := self._next()) is None:
+                while (job := self._next()) is None and not self._prepare:
                     if self._closed:
                         return
                     self._changed.wait(LOOK_S if self._active() else None)
-                self._current = job.config.key
+                self._current = job.config.key if job else None
+                self._prepare = False
+            if job is None:
+                prepare_workers(self.cache, self.limits.workers, self.limits.nice)
+                continue
             start = time.monotonic()
             ended, error = self._outcome(job)
             with self._changed:
@@ -300,8 +289,10 @@ class Jobs:
             if job.stop.is_set():
                 raise Stopped(0, config.n_streams)
 
-        load_geometry(config.stream, self.cache, limits.workers, report, limits.executor, limits.nice)
-        self._check_impacts(config)
+        geometry = load_geometry(
+            config.stream, self.cache, limits.workers, report, limits.executor, limits.nice
+        )
+        check_impacts(config, geometry, limits)
         complete(
             config,
             self.cache,

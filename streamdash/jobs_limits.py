@@ -6,7 +6,11 @@ from typing import Annotated
 
 from pydantic import Field
 
+from streamdash.config import EnsembleConfig
 from streamdash.config_environment import Settings
+from streamdash.geometry import Geometry
+from streamdash.impacts import expected_impacts
+from streamdash.store_keep import room_for
 
 Size = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -27,3 +31,42 @@ class Limits(Settings):
     def executor(self) -> str:
         """Who computes, as in `streamdash.workers.results`."""
         return "dask" if self.scheduler else "processes"
+
+
+class Refused(ValueError):
+    """A job that is not begun; the message is one sentence that says what to change."""
+
+
+def check_size(config: EnsembleConfig, limits: Limits) -> None:
+    """Refuse an ensemble of more streams, or more disk, than is allowed.
+
+    Raises
+    ------
+    Refused
+    """
+    if config.n_streams > limits.max_streams:
+        raise Refused(
+            f"{config.n_streams} streams are more than the {limits.max_streams} that this server "
+            "allows in one simulation; ask for fewer."
+        )
+    if room_for(config) > limits.max_disk_gb * 1e9:
+        raise Refused(
+            f"This ensemble needs up to {room_for(config) / 1e9:.2g} GB of disk, more than the "
+            f"{limits.max_disk_gb:g} GB that this server allows; ask for fewer streams."
+        )
+
+
+def check_impacts(config: EnsembleConfig, geometry: Geometry, limits: Limits) -> None:
+    """Refuse an ensemble that would take too long: the time grows with the impacts.
+
+    Raises
+    ------
+    Refused
+    """
+    per_stream = expected_impacts(geometry, config.perturbers)
+    if per_stream * config.n_streams > limits.max_impacts:
+        raise Refused(
+            f"{config.n_streams} streams with {per_stream:.3g} impacts each are more than the "
+            f"{limits.max_impacts:.3g} impacts that this server allows in one simulation; ask for "
+            "fewer streams or a narrower mass range."
+        )

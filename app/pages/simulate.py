@@ -65,6 +65,7 @@ class SimulatePage(Page):
         self.follow("catalog", self.look)
         if pn.state.curdoc is not None:
             pn.state.onload(self._look_on)
+            self.services.jobs.prepare()
         return ui.page_layout(
             presets(self), knobs(self), self.progress.view, self.card.view, self.others.view
         )
