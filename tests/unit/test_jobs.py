@@ -191,7 +191,7 @@ def test_limits_come_from_the_environment():
 
 
 def test_the_documentation_lists_every_limit_with_its_default_and_meaning(root):
-    text = (root / "docs" / "deployment.md").read_text(encoding="utf-8")
+    text = (root / "docs" / "simulations.md").read_text(encoding="utf-8")
     for name, value, meaning in settings_table(Limits()):
         assert f"| `{name}` | {value or 'none'} | {meaning} |" in text
 
