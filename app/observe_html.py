@@ -34,7 +34,10 @@ tbody th { font-weight: 400; }
 def answer_html(result: dict[str, Any]) -> str:
     """The one sentence, large; in a warning's colour where the profile is unlike or unusual."""
     kind = result["resemblance"]["verdict"]
-    return f"<p class='answer {kind}' role='status'>{html.escape(result['answer'])}</p>"
+    return (
+        f"<p class='answer {kind}' role='status'>{html.escape(result['answer'])}</p>"
+        f"<p>{html.escape(result['agreement'])}</p>"
+    )
 
 
 def numbers_html(result: dict[str, Any]) -> str:

@@ -26,7 +26,8 @@ from streamdash.survey_observed import AS_IS, FLOOR, Design, Quantity, polynomia
 
 MIN_BINS = 8
 """Fewest bins a profile must have within the simulated stretch."""
-MAX_BINS = 1000
+MAX_BINS = 400
+"""Most bins: simulated profiles are known at no more angles."""
 GAP = 1.5
 """Neighbouring bins farther apart than this many usual spacings have a gap between them."""
 NAMES = {"ell": "Galactic longitude l", "phi1": "φ1 of GD-1"}

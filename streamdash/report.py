@@ -26,8 +26,8 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
     Returns
     -------
     dict
-        ``answer`` (one sentence), ``resemblance``, ``classes``, ``quality``, ``assumptions``,
-        ``caveats`` and ``profile``.
+        ``answer`` and ``agreement`` (a sentence each), ``resemblance``, ``classes``, ``quality``,
+        ``assumptions``, ``caveats`` and ``profile``.
     """
     scores, likeness, evidence = verdict.judged.scores, verdict.resemblance, verdict.evidence
     accuracy, accuracy_error = verdict.accuracy
@@ -47,6 +47,7 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
     design = observation.design
     result: dict[str, Any] = {
         "answer": "",
+        "agreement": "",
         "resemblance": {
             "verdict": "unlike" if likeness.unlike else "unusual" if likeness.doubtful else "alike",
             "p": likeness.p,
@@ -77,7 +78,7 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
             "error": design.sigma.tolist(),
         },
     }
-    result["answer"] = answer(result)
+    result["answer"], result["agreement"] = answer(result), agreement(result)
     return result
 
 
@@ -106,6 +107,20 @@ def answer(result: dict[str, Any]) -> str:
     return (
         f"{unusual}{p} looks more like a stream perturbed by {name(best)} than by {others}: probability "
         f"{percent(best['probability'])} ({interval(best)}); {right}."
+    )
+
+
+def agreement(result: dict[str, Any]) -> str:
+    """Whether the two methods, classifier and PDF evidence, prefer the same class."""
+    best = max(result["classes"], key=lambda c: c["probability"])
+    rival = max(result["classes"], key=lambda c: c["ln_bayes"])
+    quality = result["quality"]
+    if best is rival:
+        return f"The distribution of Qρ alone (PDF evidence) also prefers {name(best)}."
+    return (
+        f"The two methods disagree: the distribution of Qρ alone (PDF evidence) prefers {name(rival)}. It is "
+        f"right for {percent(quality['pdf_accuracy'])} of simulated streams of this quality, the classifier "
+        f"for {percent(quality['accuracy'])}."
     )
 
 
@@ -193,7 +208,7 @@ def text(result: dict[str, Any]) -> str:
     """The report as plain text for a terminal."""
     width = max(len(c["mass_range"]) for c in result["classes"])
     set_aside = result["resemblance"]["verdict"] == "unlike"
-    lines = [result["answer"], "", resemblance_words(result), ""]
+    lines = [result["answer"], result["agreement"], "", resemblance_words(result), ""]
     lines.append("Probability of each class" + (" (not to be used: see above)" if set_aside else ""))
     for c in result["classes"]:
         lines.append(

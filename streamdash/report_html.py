@@ -44,6 +44,7 @@ def report_html(result: dict[str, Any], observation: Observation, bands: np.ndar
         "<meta name='viewport' content='width=device-width'><title>streamdash: a measured profile</title>"
         f"<style>{STYLE}</style></head><body><h1>Which perturbers made these gaps?</h1>"
         f"<p class='answer{' unlike' if unlike else ''}'>{html.escape(result['answer'])}</p>"
+        f"<p>{html.escape(result['agreement'])}</p>"
         f"{result_tables(result)}"
         "<h2>The profile over the classes</h2><p>Dots: measured. Bands: where 68 % of the simulated streams "
         f"of each class lie when observed alike; lines: medians.</p>{figure[figure.index('<svg') :]}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import base64
+import html
 import json
 import time
 
@@ -162,7 +163,8 @@ def test_the_answer_comes_with_its_numbers_and_is_forgotten_with_the_page(open_p
     key = page.asked
     settle(page)
     result = page.outcome.result
-    assert result["answer"].split(":")[0].split(" ")[0] in page.answer.object
+    assert html.escape(result["answer"]) in page.answer.object
+    assert html.escape(result["agreement"]) in page.answer.object
     assert "How good is the method with such data?" in page.numbers.object
     assert page.card.files["csv"]().count(b"\n") == 36
     assert json.loads(page._json_report()) == json.loads(json.dumps(result))

@@ -12,7 +12,7 @@ from streamdash.config import Perturbers, StreamModel
 from streamdash.observation import Observation, interpret, read_observation
 from streamdash.observation_guess import changed, guess
 from streamdash.observation_table import read_table
-from streamdash.report import answer, report, text
+from streamdash.report import agreement, answer, report, text
 from streamdash.report_html import report_html
 from streamdash.store import Cache
 from streamdash.survey import observe, phi1_to_theta, q_rho
@@ -27,7 +27,7 @@ from streamdash.survey_observed import (
 )
 from streamdash.verdict import judge, learn, observed_streams, prepare
 from streamdash.verdict_evidence import blurred_pdf, learn_pdfs
-from streamdash.verdict_resemblance import UNLIKE, learn_likeness
+from streamdash.verdict_resemblance import DOUBTFUL, UNLIKE, learn_likeness
 
 LABELS = ("1e3-1e5", "1e5-1e9")
 N_KNOWN = 800
@@ -210,6 +210,7 @@ def test_the_report_has_one_story_in_every_form(world, bins, geometry):
     result = report(verdict, observation, prepared)
     assert result["answer"] == answer(result)
     assert result["answer"] in text(result)
+    assert result["agreement"] in text(result)
     np.testing.assert_allclose(sum(c["probability"] for c in result["classes"]), 1, rtol=1e-5)
     for c in result["classes"]:
         assert c["interval"][0] <= c["probability"] <= c["interval"][1]
@@ -264,6 +265,45 @@ def test_classes_of_different_streams_are_refused(cache, configs, world):
     strange = configs[1].model_copy(update={"stream": StreamModel(age_gyr=5.0)})
     with pytest.raises(ClassifierError, match="same stream"):
         prepare(cache, [configs[0], strange], world[0].design)
+
+
+def told(p: float, first: float, ln_bayes: float = -9.0) -> dict:
+    """A report of two classes with a p-value and a probability of the first."""
+    verdict = "unlike" if p < UNLIKE else "unusual" if p < DOUBTFUL else "alike"
+    return {
+        "resemblance": {"verdict": verdict, "p": p},
+        "classes": [
+            {
+                "mass_range": "1e3-1e5",
+                "probability": first,
+                "interval": [first - 0.004, 1.0],
+                "ln_bayes": 0.0,
+            },
+            {"mass_range": "1e5-1e9", "probability": 1 - first, "interval": [0, 0.5], "ln_bayes": ln_bayes},
+        ],
+        "quality": {"accuracy": 0.873, "pdf_accuracy": 0.71},
+    }
+
+
+@pytest.mark.parametrize(
+    ("p", "first", "words"),
+    [
+        (0.4, 0.93, "looks more like a stream perturbed by 10³–10⁵ M☉ than by 10⁵–10⁹ M☉: probability 93 %"),
+        (0.4, 0.93, "the method is right for 87 % of simulated streams"),
+        (0.4, 0.9999, "probability more than 99 % (68 % interval more than 99 %)"),
+        (0.4, 0.6, "does not decide between the classes"),
+        (0.02, 0.93, "Though an unusual profile for any class (p = 0.02), it looks more like"),
+        (0.005, 0.93, "about 1 in 200 look as strange (p = 0.005)"),
+    ],
+)
+def test_the_sentence_says_no_more_than_the_numbers(p, first, words):
+    assert words in answer(told(p, first))
+
+
+def test_methods_that_disagree_are_said_to():
+    assert "also prefers 10³–10⁵ M☉" in agreement(told(0.4, 0.93))
+    assert "The two methods disagree" in agreement(told(0.4, 0.2))
+    assert "right for 71 %" in agreement(told(0.4, 0.2))
 
 
 # ------------------------------------------------------------------ parts
