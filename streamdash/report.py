@@ -53,6 +53,7 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
             "p": likeness.p,
             "p_distance": likeness.p_distance,
             "p_pattern": likeness.p_pattern,
+            "p_structure": likeness.p_structure,
             "n_held_out": likeness.n_streams,
         },
         "classes": classes,
@@ -160,9 +161,10 @@ def resemblance_words(result: dict[str, Any]) -> str:
     }[likeness["verdict"]]
     share = f"{100 * likeness['p']:.{0 if likeness['p'] > 0.1 else 1}f} %"
     return (
-        f"{words} Of {likeness['n_held_out']} streams the method never saw, {share} are "
-        f"as strange or stranger: p = {likeness['p']:.2g}, twice the smaller of {likeness['p_distance']:.2g} "
-        f"for the distance from the classes and {likeness['p_pattern']:.2g} for the pattern along the stream."
+        f"{words} Of {likeness['n_held_out']} streams the method never saw, {share} are as strange or "
+        f"stranger: p = {likeness['p']:.2g}, three times the smallest of {likeness['p_distance']:.2g} for "
+        f"distance from the classes, {likeness['p_pattern']:.2g} for the pattern along the stream and "
+        f"{likeness['p_structure']:.2g} for having structure at all."
     )
 
 

@@ -30,14 +30,15 @@ from streamdash.observation import Observation
 from streamdash.scores import evaluate
 from streamdash.store import Cache
 from streamdash.survey_bands import noise_draws
-from streamdash.survey_observed import Design, divided, measured, observe_as, smooth_as
+from streamdash.survey_observed import Design, divided, observe_as, smooth_as
 from streamdash.verdict_evidence import PdfEvidence, PdfJudge, learn_pdfs
+from streamdash.verdict_noise import Replicas, learn_replicas
 from streamdash.verdict_resemblance import Likeness, Resemblance, learn_likeness
 
 N_MODELS = 8
 """Models trained on resampled streams; their spread is part of the uncertainty."""
 N_DRAWS = 50
-"""Times the profile is moved within its errors; the spread is the other part."""
+"""Times the stream behind the profile is observed anew; the spread is the other part."""
 BAND = (0.16, 0.84)
 """Ends of the interval that is quoted for a probability (68 %)."""
 
@@ -63,6 +64,7 @@ class Prepared:
         What the committee says about held-out streams (with its first member).
     likeness : Likeness
     pdfs : PdfJudge
+    replicas : Replicas
     """
 
     design: Design
@@ -72,6 +74,7 @@ class Prepared:
     judged: Judged
     likeness: Likeness
     pdfs: PdfJudge
+    replicas: Replicas
 
     def answers(self, q: np.ndarray) -> np.ndarray:
         """Every member's probabilities of profiles (…, n_bin): (n_models, …, n_classes)."""
@@ -97,7 +100,7 @@ class Verdict:
     probability : ndarray (n_classes,)
         Calibrated; classes are taken to be equally likely beforehand.
     low, high : ndarray (n_classes,)
-        68 % of the members' answers to the profile moved within its errors.
+        68 % of the members' answers to the same stream observed again and again.
     models_low, models_high, noise_low, noise_high : ndarray (n_classes,)
         The same over members alone (profile as measured), and over noise alone (mean of members).
     resemblance : Resemblance
@@ -209,8 +212,11 @@ def learn(
     likeness = learn_likeness(streams, design.sigma, smooth, known, sets.test, settings.seed)
     pdfs = learn_pdfs(streams.observed(design.sigma), streams.y, design.sigma, known, sets.test)
     steps.done(4 + N_MODELS)
+    replicas = learn_replicas(divided(streams.clean[known], design.fit), streams.y[known], design.sigma)
     committee = _committee(judged, models, streams.observed(design.sigma)[sets.test])
-    return Prepared(design, streams, divided(smooth, design.fit), tuple(models), committee, likeness, pdfs)
+    return Prepared(
+        design, streams, divided(smooth, design.fit), tuple(models), committee, likeness, pdfs, replicas
+    )
 
 
 def judge(prepared: Prepared, observation: Observation) -> Verdict:
@@ -225,12 +231,9 @@ def judge(prepared: Prepared, observation: Observation) -> Verdict:
     if design.key != prepared.design.key:
         raise ClassifierError("The models were made for other bins or errors than this observation's.")
     q = observation.q.astype(np.float32)
-    draws = np.random.default_rng([prepared.judged.classifier.card.settings.seed, 7]).standard_normal(
-        (N_DRAWS, design.n_bin), dtype=np.float32
-    )
-    moved = measured(np.repeat(q[None], N_DRAWS, axis=0), draws, design.sigma, design.fit)
-    as_measured, within_errors = prepared.answers(q), prepared.answers(moved)
+    as_measured = prepared.answers(q)
     answer = as_measured.mean(axis=0)
+    within_errors = prepared.answers(prepared.replicas(q, answer, N_DRAWS))
     return Verdict(
         prepared.streams.labels,
         answer,

@@ -1,6 +1,6 @@
 """Is a profile like anything that was simulated? A p-value from streams nobody was trained on.
 
-Two checks, each blind to what the other sees:
+Three checks, each blind to what the others see:
 
 `distance`
     How far the profile lies from the middle of each class, in the space of the principal
@@ -10,12 +10,16 @@ Two checks, each blind to what the other sees:
 `pattern`
     Whether it has the pattern of a perturbed stream. Trees learn to tell simulated streams from
     profiles made of the same numbers that no perturber makes: streams back to front, streams with
-    the phases of their Fourier components scrambled, white noise, sine waves, and the smooth stream,
-    all observed with the same bins and errors. Their score estimates the ratio of the density of
-    streams to that of these alternatives (Hastie, Tibshirani & Friedman 2009, §14.2.4).
+    the phases of their Fourier components scrambled, white noise and sine waves, all observed with
+    the same bins and errors. Their score estimates the ratio of the density of streams to that of
+    these alternatives (Hastie, Tibshirani & Friedman 2009, §14.2.4).
+
+`structure`
+    Whether it has any: the same against the smooth stream alone. Apart from `pattern`, since some
+    true streams are hardly hit: they must not hide profiles that only run the wrong way.
 
 Each statistic is ranked among those of held-out streams, so that a fraction p of true streams is as
-strange or stranger, whatever the statistic is. The two are joined as p = 2 min(p₁, p₂) (Bonferroni).
+strange or stranger, whatever the statistic is. They are joined as p = 3 min(p₁, p₂, p₃) (Bonferroni).
 """
 
 from __future__ import annotations
@@ -42,8 +46,8 @@ TREES = ClassifierConfig(
         max_depth=4, n_estimators=200, colsample_bytree=0.4, reg_lambda=1.0, early_stopping_rounds=None
     )
 )
-SHARES = 5
-"""Kinds of alternative profiles, equally many of each."""
+CHECKS = 3
+"""Checks that are joined: the smallest p-value counts so many times."""
 WAVES = (2.0, 40.0)
 """Shortest and longest sine wave among the alternatives, in bins; at most twice the profile."""
 
@@ -55,16 +59,17 @@ class Resemblance:
     Attributes
     ----------
     p : float
-        Share of true streams that are as strange or stranger, both checks joined.
-    p_distance, p_pattern : float
+        Share of true streams that are as strange or stranger, all checks joined.
+    p_distance, p_pattern, p_structure : float
         Of each check alone.
     n_streams : int
-        Held-out streams behind them; no p can be smaller than 1/(n_streams + 1).
+        Held-out streams behind them; no p can be smaller than 3/(n_streams + 1).
     """
 
     p: float
     p_distance: float
     p_pattern: float
+    p_structure: float
     n_streams: int
 
     @property
@@ -79,26 +84,28 @@ class Resemblance:
 
 
 @dataclass(frozen=True, eq=False)
-class Likeness:
-    """The two checks, ready for profiles of one design; made by `learn_likeness`."""
+class Cloud:
+    """Where the streams of each class lie in the space of principal components."""
 
     scale: np.ndarray
     pca: PCA
     middles: tuple[np.ndarray, ...]
     inverses: tuple[np.ndarray, ...]
-    booster: xgboost.Booster
-    distances: tuple[np.ndarray, ...]
-    patterns: np.ndarray
 
-    def __call__(self, q: np.ndarray) -> list[Resemblance]:
-        """Resemblance of each profile (n_profiles, n_bin) to the classes."""
-        distance = self.distance(q)
-        ranks = [_two_sided(d, known) for d, known in zip(distance.T, self.distances, strict=True)]
-        far = np.max(ranks, axis=0)
-        odd = _rank(self.pattern(q), self.patterns)
-        joint = np.minimum(1.0, 2 * np.minimum(far, odd))
-        n = len(self.patterns)
-        return [Resemblance(float(p), float(a), float(b), n) for p, a, b in zip(joint, far, odd, strict=True)]
+    @classmethod
+    def of(cls, q: np.ndarray, y: np.ndarray, sigma: np.ndarray) -> Cloud:
+        """Mean and covariance of each class of observed streams (n_streams, n_bin)."""
+        scale = 2 * np.maximum(np.asarray(sigma, np.float32), 0.02)
+        straight = _straightened(q, scale)
+        pca = PCA(min(N_COMPONENTS, *straight.shape), svd_solver="covariance_eigh").fit(straight)
+        x = pca.transform(straight)
+        middles, inverses = [], []
+        for c in range(int(y.max()) + 1):
+            middles.append(x[y == c].mean(axis=0))
+            spread = np.atleast_2d(np.cov(x[y == c], rowvar=False))
+            ridge = 1e-6 * np.trace(spread) / len(spread)
+            inverses.append(np.linalg.inv(spread + ridge * np.eye(len(spread))))
+        return cls(scale, pca, tuple(middles), tuple(inverses))
 
     def distance(self, q: np.ndarray) -> np.ndarray:
         """Squared Mahalanobis distance of each profile from each class (n_profiles, n_classes)."""
@@ -106,15 +113,53 @@ class Likeness:
         columns = []
         for middle, inverse in zip(self.middles, self.inverses, strict=True):
             off = x - middle
-            columns.append(np.einsum("ni,ij,nj->n", off, inverse, off))
+            columns.append(np.einsum("ni,ni->n", off @ inverse, off))
         return np.stack(columns, axis=1)
 
-    def pattern(self, q: np.ndarray) -> np.ndarray:
-        """Log density ratio of streams to alternatives (n_profiles,)."""
-        return class_margins(self.booster, self._features(q))[:, 1]
-
-    def _features(self, q: np.ndarray) -> np.ndarray:
+    def features(self, q: np.ndarray) -> np.ndarray:
+        """What the trees are given: the distances, the profile and its summaries."""
         return np.concatenate([np.log(self.distance(q)), q, summarise(q, TREES.features)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Likeness:
+    """The three checks, ready for profiles of one design; made by `learn_likeness`.
+
+    Attributes
+    ----------
+    cloud : Cloud
+    pattern, structure : Booster
+        Their margin is the log density ratio of streams to alternatives.
+    distances : tuple of ndarray
+        Of the held-out streams of each class from their own class.
+    patterns, structures : ndarray
+        Margins of the held-out streams.
+    """
+
+    cloud: Cloud
+    pattern: xgboost.Booster
+    structure: xgboost.Booster
+    distances: tuple[np.ndarray, ...]
+    patterns: np.ndarray
+    structures: np.ndarray
+
+    def __call__(self, q: np.ndarray) -> list[Resemblance]:
+        """Resemblance of each profile (n_profiles, n_bin) to the classes."""
+        distance, features = self.cloud.distance(q), self.cloud.features(q)
+        ranks = [_two_sided(d, known) for d, known in zip(distance.T, self.distances, strict=True)]
+        each = np.stack(
+            [
+                np.max(ranks, axis=0),
+                _rank(_score(self.pattern, features), self.patterns),
+                _rank(_score(self.structure, features), self.structures),
+            ]
+        )
+        joint = np.minimum(1.0, CHECKS * each.min(axis=0))
+        n = len(self.patterns)
+        return [
+            Resemblance(float(p), float(far), float(odd), float(flat), n)
+            for p, (far, odd, flat) in zip(joint, each.T, strict=True)
+        ]
 
 
 def learn_likeness(
@@ -139,32 +184,28 @@ def learn_likeness(
         Rows to learn from, and rows to rank profiles among.
     """
     rng = np.random.default_rng([seed, 5])
-    scale = 2 * np.maximum(np.asarray(sigma, np.float32), 0.02)
     observed = streams.observed(sigma)
-    straight = _straightened(observed[known], scale)
-    pca = PCA(min(N_COMPONENTS, *straight.shape), svd_solver="covariance_eigh").fit(straight)
-    x, y = pca.transform(straight), streams.y[known]
-    middles, inverses = [], []
-    for c in range(len(streams.labels)):
-        middles.append(x[y == c].mean(axis=0))
-        spread = np.atleast_2d(np.cov(x[y == c], rowvar=False))
-        inverses.append(np.linalg.inv(spread + 1e-6 * np.trace(spread) / len(spread) * np.eye(len(spread))))
+    cloud = Cloud.of(observed[known], streams.y[known], sigma)
 
-    nothing = np.zeros(0)
-    draft = Likeness(scale, pca, tuple(middles), tuple(inverses), None, (), nothing)  # type: ignore[arg-type]
-    fresh = rng.standard_normal((len(known), streams.n_bins), dtype=np.float32)
-    real = np.concatenate([observed[known], measured(streams.clean[known], fresh, sigma, streams.fit)])
-    clean = alternatives(streams.clean[known], smooth.astype(np.float32), len(real), rng)
-    unreal = measured(clean, rng.standard_normal(clean.shape, dtype=np.float32), sigma, streams.fit)
-    features = np.concatenate([draft._features(unreal), draft._features(real)])
-    truth = np.repeat([0, 1], [len(unreal), len(real)])
-    booster = boost(features, truth, TREES, TREES.boosting.n_estimators)
+    def seen(clean: np.ndarray) -> np.ndarray:
+        draws = rng.standard_normal(clean.shape, dtype=np.float32)
+        return cloud.features(measured(clean, draws, sigma, streams.fit))
 
-    ready = Likeness(scale, pca, tuple(middles), tuple(inverses), booster, (), nothing)
+    real = np.concatenate([cloud.features(observed[known]), seen(streams.clean[known])])
+    smooth = smooth.astype(np.float32)
+    pattern = _told_apart(real, seen(alternatives(streams.clean[known], smooth, len(real), rng)))
+    structure = _told_apart(real, seen(np.repeat(smooth[None], len(known), axis=0)))
+
     tests, owner = observed[held_out], streams.y[held_out]
-    distance = ready.distance(tests)
-    distances = tuple(distance[owner == c, c] for c in range(len(streams.labels)))
-    return Likeness(scale, pca, tuple(middles), tuple(inverses), booster, distances, ready.pattern(tests))
+    distance, features = cloud.distance(tests), cloud.features(tests)
+    return Likeness(
+        cloud,
+        pattern,
+        structure,
+        tuple(distance[owner == c, c] for c in range(len(streams.labels))),
+        _score(pattern, features),
+        _score(structure, features),
+    )
 
 
 def alternatives(clean: np.ndarray, smooth: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
@@ -177,31 +218,35 @@ def alternatives(clean: np.ndarray, smooth: np.ndarray, n: int, rng: np.random.G
     smooth : ndarray (n_bin,)
         The unperturbed stream.
     """
-    each, n_bin = -(-n // SHARES), clean.shape[1]
+    each, n_bin = -(-n // 4), clean.shape[1]
 
     def some() -> np.ndarray:
-        return rng.integers(len(clean), size=each)
+        return clean[rng.integers(len(clean), size=each)]
 
     def amplitude() -> np.ndarray:
-        return (clean[some()] / smooth).std(axis=1, keepdims=True)
+        return (some() / smooth).std(axis=1, keepdims=True)
 
     noise = 1 + amplitude() * rng.standard_normal((each, n_bin))
     longest = max(min(WAVES[1], 2.0 * n_bin), 2 * WAVES[0])
     period = np.exp(rng.uniform(np.log(WAVES[0]), np.log(longest), (each, 1)))
     phase = 2 * np.pi * (np.arange(n_bin) / period + rng.random((each, 1)))
     waves = 1 + np.minimum(np.sqrt(2) * amplitude(), 0.95) * np.sin(phase)
-    waves_of_q = np.fft.rfft(clean[some()] / smooth, axis=1)
-    turned = np.exp(2j * np.pi * rng.random(waves_of_q.shape))
-    turned[:, 0] = 1
-    scrambled = np.fft.irfft(waves_of_q * turned, n_bin, axis=1)
-    kinds = [
-        clean[some(), ::-1],
-        smooth * noise,
-        smooth * waves,
-        smooth * np.clip(scrambled, 0, None),
-        np.repeat(smooth[None], each, axis=0),
-    ]
+    components = np.fft.rfft(some() / smooth, axis=1)
+    turns = np.exp(2j * np.pi * rng.random(components.shape))
+    turns[:, 0] = 1
+    scrambled = np.clip(np.fft.irfft(components * turns, n_bin, axis=1), 0, None)
+    kinds = [some()[:, ::-1], smooth * noise, smooth * waves, smooth * scrambled]
     return np.concatenate(kinds).astype(np.float32)
+
+
+def _told_apart(real: np.ndarray, unreal: np.ndarray) -> xgboost.Booster:
+    """Trees that tell features of streams from features of alternatives."""
+    truth = np.repeat([0, 1], [len(unreal), len(real)])
+    return boost(np.concatenate([unreal, real]), truth, TREES, TREES.boosting.n_estimators)
+
+
+def _score(booster: xgboost.Booster, features: np.ndarray) -> np.ndarray:
+    return class_margins(booster, features)[:, 1]
 
 
 def _straightened(q: np.ndarray, scale: np.ndarray) -> np.ndarray:

@@ -27,6 +27,7 @@ from streamdash.survey_observed import (
 )
 from streamdash.verdict import judge, learn, observed_streams, prepare
 from streamdash.verdict_evidence import blurred_pdf, learn_pdfs
+from streamdash.verdict_noise import learn_replicas
 from streamdash.verdict_resemblance import DOUBTFUL, UNLIKE, learn_likeness
 
 LABELS = ("1e3-1e5", "1e5-1e9")
@@ -328,6 +329,19 @@ def test_evidence_prefers_the_class_a_profile_comes_from():
     assert found.ln_bayes[0] == 0
     assert found.ln_bayes[1] < -5
     assert found.words == ["", "strong"]
+
+
+def test_replicas_are_the_same_stream_with_other_noise():
+    rng = np.random.default_rng(3)
+    sigma = np.full(40, 0.1)
+    # Broad waves in one class, next to nothing in the other.
+    waves = np.sin(2 * np.pi * (np.arange(40) / 40 + rng.random((600, 1))))
+    clean = np.concatenate([1 + 0.01 * waves, 1 + 0.5 * waves])
+    replicas = learn_replicas(clean, np.repeat([0, 1], 600), sigma)
+    for truth, share in ((clean[0], (1.0, 0.0)), (clean[700], (0.0, 1.0))):
+        again = replicas(truth + sigma * rng.standard_normal(40), np.array(share), 400)
+        np.testing.assert_allclose(again.std(axis=0), 0.1, rtol=0.25)
+        assert np.abs(again.mean(axis=0) - truth).max() < 0.1
 
 
 def test_mock_streams_are_their_own(geometry):
