@@ -11,11 +11,9 @@ from streamdash.spectrum_lab import KNOBS, Knob, knob
 from streamdash.spectrum_theta import ThetaSpectra
 from streamdash.spectrum_verdicts import (
     AGREES,
-    LARGE_SCALE,
     SCATTER,
     Verdict,
     judge,
-    scale_sentence,
     verdict_sentence,
 )
 from streamdash.store import Cache
@@ -156,8 +154,6 @@ def _section(one: Measured) -> list[str]:
     if one.knob.paper:
         lines.append(f"Paper: {one.knob.paper}\n")
     lines.append(verdict_sentence(one.knob, one.verdict))
-    if one.verdict.worst.scale >= LARGE_SCALE:
-        lines.append(scale_sentence(one.knob, one.verdict))
     lines += [
         "\n| setting | impacts | core s | density | track | cross |",
         "|---|---|---|---|---|---|",

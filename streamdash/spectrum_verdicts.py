@@ -151,8 +151,11 @@ def verdict_sentence(knob: Knob, verdict: Verdict) -> str:
         f"{SPECTRUM_WORDS[worst.kind]} by {worst.largest:+.2f} ± {worst.error:.2f} half bands at "
         f"{worst.scale:.1f}°"
     )
+    below = (
+        f" {scale_sentence(knob, verdict)}" if worst.scale >= LARGE_SCALE and worst.word != "agrees" else ""
+    )
     if not knob.ordered:
-        return f"{worst.word.capitalize()}: at most, {largest}."
+        return f"{worst.word.capitalize()}: at most, {largest}.{below}"
     if verdict.converged_from is None:
         start = f"Only {labels[-1]} itself is within {AGREES:g} half bands of itself"
     elif verdict.converged_from == 0:
@@ -160,8 +163,8 @@ def verdict_sentence(knob: Knob, verdict: Verdict) -> str:
     else:
         start = f"Converged from {labels[verdict.converged_from]} on"
     if knob.paper:
-        return f"{start}. Of what the paper calls converged, {largest}: {worst.word}."
-    return f"{start}. At most, {largest}: {worst.word}."
+        return f"{start}. Of what the paper calls converged, {largest}: {worst.word}.{below}"
+    return f"{start}. At most, {largest}: {worst.word}.{below}"
 
 
 def scale_sentence(knob: Knob, verdict: Verdict) -> str:

@@ -15,6 +15,7 @@ from app.pages.base import Page
 from app.spectrum_html import STYLE, statements_html
 from app.spectrum_study import statistics_study
 from app.study import StudyCard
+from streamdash.classifier_data import ClassifierError
 from streamdash.plots import spectrum
 from streamdash.plots.live import LiveFigure, export
 from streamdash.spectrum import NoisySpectra, SpectrumBand, noisy_spectra, shot_noise_level, track_ratio
@@ -57,9 +58,7 @@ class SpectrumPage(Page):
             part: pn.Column(ui.plain_text(WAITING), sizing_mode=ui.WIDE, margin=0) for part in PARTS
         }
         self._make_cards(len(chosen))
-        study = statistics_study(self.services, self.session)
-        self.statistics = StudyCard(study, self.services.work, len(chosen))
-        self.statistics.renew()
+        self.statistics = self._statistics(len(chosen))
         self._say()
         self._ask()
         classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
@@ -69,7 +68,7 @@ class SpectrumPage(Page):
             self.card.view,
             self.track_card.view,
             self.bispectrum_card.view,
-            self.statistics.view,
+            *([self.statistics.view] if self.statistics else []),
         )
 
     def update(self, changed: frozenset[str]) -> None:
@@ -81,11 +80,13 @@ class SpectrumPage(Page):
                 live.patch(spectrum.columns(self.data, kind))
             self._say()
             self._ask()
-            self.statistics.renew()
+            if self.statistics:
+                self.statistics.renew()
 
     def close(self) -> None:
         self.later.cancel()
-        self.statistics.close()
+        if self.statistics:
+            self.statistics.close()
         super().close()
 
     # ------------------------------------------------------------ code shown
@@ -149,6 +150,16 @@ class SpectrumPage(Page):
             code=self.code_bispectrum,
             legend=ui.legend(LEGEND_PLAIN, count),
         )
+
+    def _statistics(self, count: int) -> StudyCard | None:
+        """The comparison of statistics; None where the chosen ensembles are not classes to tell apart."""
+        try:
+            study = statistics_study(self.services, self.session)
+        except ClassifierError:
+            return None
+        card = StudyCard(study, self.services.work, count)
+        card.renew()
+        return card
 
     def _say(self) -> None:
         chosen = configs(self.session)
