@@ -23,8 +23,6 @@ AGREES = 0.25
 SCATTER = 1.0
 """Largest shift that is within the scatter of streams."""
 WORDS = ((AGREES, "agrees"), (SCATTER, "within the scatter of streams"), (np.inf, "differs"))
-LARGE_SCALE = 30.0
-"""Where the paper says that the impact parameter matters for massive perturbers (deg)."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +37,6 @@ class Shift:
     error : standard error of that shift from the finite numbers of streams; an upper limit where
         both settings see the same impacts or streams.
     scale : 1/k where it occurs (deg).
-    largest_below : absolute value of the largest shift at scales below `LARGE_SCALE`.
     """
 
     setting: int
@@ -48,7 +45,6 @@ class Shift:
     largest: float
     error: float
     scale: float
-    largest_below: float
 
     @property
     def word(self) -> str:
@@ -64,12 +60,15 @@ class Verdict:
     ----------
     shifts : of every setting that is compared, and every kind of spectrum.
     worst : the largest of those that the paper calls converged (all, where there is no order).
+    agreeing : smallest and largest 1/k (deg) of the widest range of scales at which all spectra of
+        those settings agree; None where there is no such scale.
     converged_from : index of the first setting from which on all are converged; None where there
         is no order, or where only the reference itself is.
     """
 
     shifts: tuple[Shift, ...]
     worst: Shift
+    agreeing: tuple[float, float] | None
     converged_from: int | None
 
     @property
@@ -104,26 +103,31 @@ def judge(knob: Knob, spectra: Sequence[ThetaSpectra]) -> Verdict:
     )
     claimed = [shift for shift in shifts if shift.setting >= knob.claim]
     worst = max(claimed, key=lambda shift: abs(shift.largest))
-    return Verdict(shifts, worst, _converged_from(knob, shifts) if knob.ordered else None)
+    agree = [np.abs(shift_by_scale(spectra, s.setting, s.reference, s.kind)) <= AGREES for s in claimed]
+    agreeing = _widest(spectra[0].scale, np.all(agree, axis=0))
+    return Verdict(shifts, worst, agreeing, _converged_from(knob, shifts) if knob.ordered else None)
+
+
+def shift_by_scale(spectra: Sequence[ThetaSpectra], setting: int, reference: int, kind: str) -> np.ndarray:
+    """Distance of two settings' medians in half bands of the second, at each scale."""
+    one, other = spectra[setting].bands[kind], spectra[reference].bands[kind]
+    return (one.median - other.median) / other.half_width
 
 
 def shift_of(spectra: Sequence[ThetaSpectra], setting: int, reference: int, kind: str) -> Shift:
     """The largest shift of one setting's spectrum from another's."""
     one, other = spectra[setting], spectra[reference]
-    half = other.bands[kind].half_width
-    shift = (one.bands[kind].median - other.bands[kind].median) / half
-    error = np.hypot(one.errors[kind], other.errors[kind]) / half
+    shift = shift_by_scale(spectra, setting, reference, kind)
+    error = np.hypot(one.errors[kind], other.errors[kind]) / other.bands[kind].half_width
     at = int(np.argmax(np.abs(shift)))
-    small = np.abs(shift[other.scale < LARGE_SCALE])
-    return Shift(
-        setting,
-        reference,
-        kind,
-        float(shift[at]),
-        float(error[at]),
-        float(other.scale[at]),
-        float(small.max()) if len(small) else 0.0,
-    )
+    return Shift(setting, reference, kind, float(shift[at]), float(error[at]), float(other.scale[at]))
+
+
+def _widest(scale: np.ndarray, holds: np.ndarray) -> tuple[float, float] | None:
+    """Ends of the run of scales, widest by ratio, at which something holds; the smaller first."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(int)))
+    runs = [(float(scale[end - 1]), float(scale[start])) for start, end in edges.reshape(-1, 2)]
+    return max(runs, key=lambda run: run[1] / run[0], default=None)
 
 
 def _converged_from(knob: Knob, shifts: Sequence[Shift]) -> int | None:
@@ -151,25 +155,25 @@ def verdict_sentence(knob: Knob, verdict: Verdict) -> str:
         f"{SPECTRUM_WORDS[worst.kind]} by {worst.largest:+.2f} ± {worst.error:.2f} half bands at "
         f"{worst.scale:.1f}°"
     )
-    below = (
-        f" {scale_sentence(knob, verdict)}" if worst.scale >= LARGE_SCALE and worst.word != "agrees" else ""
-    )
+    agreement = agreement_sentence(verdict)
     if not knob.ordered:
-        return f"{worst.word.capitalize()}: at most, {largest}.{below}"
+        return f"{worst.word.capitalize()}: at most, {largest}.{agreement}"
     if verdict.converged_from is None:
-        start = f"Only {labels[-1]} itself is within {AGREES:g} half bands of itself"
+        start = f"No other setting agrees with {labels[-1]} at every scale"
     elif verdict.converged_from == 0:
         start = "Converged at every setting"
     else:
         start = f"Converged from {labels[verdict.converged_from]} on"
     if knob.paper:
-        return f"{start}. Of what the paper calls converged, {largest}: {worst.word}.{below}"
-    return f"{start}. At most, {largest}: {worst.word}.{below}"
+        return f"{start}. Of what the paper calls converged, {largest}: {worst.word}.{agreement}"
+    return f"{start}. At most, {largest}: {worst.word}.{agreement}"
 
 
-def scale_sentence(knob: Knob, verdict: Verdict) -> str:
-    """Where on the sky the claimed settings differ: overall, and at scales below 30°."""
-    claimed = [shift for shift in verdict.shifts if shift.setting >= knob.claim]
-    below = max(shift.largest_below for shift in claimed)
-    word = verdict_word(below)
-    return f"Below {LARGE_SCALE:g}° these settings shift by {below:.2f} half bands at most: {word}."
+def agreement_sentence(verdict: Verdict) -> str:
+    """At which scales the claimed settings agree, where they do not at all."""
+    if verdict.worst.word == "agrees":
+        return ""
+    if verdict.agreeing is None:
+        return " At no scale do all spectra of these settings agree."
+    low, high = verdict.agreeing
+    return f" All spectra of these settings agree from {low:.1f}° to {high:.1f}°."

@@ -88,6 +88,7 @@ def test_shifts_are_in_half_bands_of_the_reference():
     assert verdict.worst.scale in (27.0, 18.0)
     assert verdict.worst.error == pytest.approx(np.hypot(0.01, 0.01) / 0.2)
     assert verdict.word == "within the scatter of streams"
+    assert verdict.agreeing == (54.0, 54.0)
     assert verdict.of(1) is None and verdict.of(0).largest == verdict.worst.largest
 
 
@@ -97,7 +98,7 @@ def test_shifts_are_in_half_bands_of_the_reference():
         ([1.3, 1.01, 1.02, 1.0], 1, "Converged from b on"),
         ([1.01, 1.3, 1.02, 1.0], 2, "Converged from c on"),
         ([1.01, 1.02, 1.0, 1.0], 0, "Converged at every setting"),
-        ([1.0, 1.0, 1.3, 1.0], None, "Only d itself"),
+        ([1.0, 1.0, 1.3, 1.0], None, "No other setting agrees with d"),
     ],
 )
 def test_convergence_counts_from_where_on_nothing_shifts_any_more(medians, start, words):
