@@ -125,7 +125,10 @@ def _phase(n_streams: int, seed: int) -> Knob:
 
 def _times(n_streams: int, seed: int) -> Knob:
     last = len(TIMES) - 1
-    settings = [_setting(f"{n} times", _config(n_streams, seed, n_times=n), last) for n in TIMES[:-1]]
+    settings = [
+        _setting(f"{n} time{'s' if n > 1 else ''}", _config(n_streams, seed, n_times=n), last)
+        for n in TIMES[:-1]
+    ]
     settings.append(_setting(f"{TIMES[-1]} times", _full_sampling(n_streams, seed), last))
     return Knob(
         "times",
