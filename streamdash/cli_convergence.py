@@ -41,11 +41,11 @@ def convergence_command(
 
     After Ctrl-C the same command goes on where it ended. Only spectra are kept, not the ensembles.
     """
-    from streamdash.ensemble import WorkerError
     from streamdash.spectrum_ensembles import compute_missing
     from streamdash.spectrum_lab import KNOBS, knob
     from streamdash.spectrum_text import as_numbers, convergence_markdown, cost, cost_sentence, measure
     from streamdash.spectrum_verdicts import verdict_sentence
+    from streamdash.workers import WorkerError
 
     keys = knobs or list(KNOBS)
     for key in keys:

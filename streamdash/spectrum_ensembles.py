@@ -10,10 +10,11 @@ import contextlib
 import shutil
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from streamdash.config import EnsembleConfig, SpectraConfig
-from streamdash.ensemble import Progress, simulate
+from streamdash.ensemble import Progress, Stopped, complete
 from streamdash.geometry import load_geometry
 from streamdash.spectrum_theta import ThetaSpectra, theta_spectra
 from streamdash.store import Cache, StoreError
@@ -40,6 +41,7 @@ def ensemble_spectra(
     workers: int | None = None,
     progress: Progress | None = None,
     should_stop: Callable[[], bool] | None = None,
+    nice: int = 0,
 ) -> ThetaSpectra:
     """Spectra of a configuration: from the cache, or computed and kept there.
 
@@ -50,6 +52,7 @@ def ensemble_spectra(
     workers : worker processes; one per core by default.
     progress : called with steps done and in all.
     should_stop : asked after every chunk.
+    nice : how much worker processes stand back for others, 0 to 19.
 
     Raises
     ------
@@ -65,7 +68,7 @@ def ensemble_spectra(
     try:
         spectra = _from_cache(config, cache)
     except StoreError:  # the ensemble is not in the cache
-        spectra = _simulated(config, cache, workers, progress, should_stop)
+        spectra = _simulated(config, cache, workers, progress, should_stop, nice)
     cache.save_spectra(config, spectra.to_dataset(), spectra.cost_s)
     return spectra
 
@@ -81,6 +84,7 @@ def compute_missing(
     workers: int | None = None,
     progress: Progress | None = None,
     should_stop: Callable[[], bool] | None = None,
+    nice: int = 0,
 ) -> None:
     """Compute and keep the spectra that the cache lacks; as `ensemble_spectra` of each.
 
@@ -93,25 +97,30 @@ def compute_missing(
             if progress is not None:
                 progress(int(STEPS * (i + done / max(total, 1))), STEPS * len(wanted))
 
-        ensemble_spectra(config, cache, workers, report, should_stop)
+        ensemble_spectra(config, cache, workers, report, should_stop, nice)
     if progress is not None:
         progress(1, 1)
 
 
+def _needed(config: SpectraConfig) -> EnsembleConfig:
+    """The streams that count, as an ensemble: the first of a larger one are those of a smaller one."""
+    return config.ensemble.model_copy(update={"n_streams": config.n_streams})
+
+
 def _from_cache(config: SpectraConfig, cache: Cache) -> ThetaSpectra:
-    """Spectra of an ensemble that is in the cache.
+    """Spectra of streams that are in the cache.
 
     Raises
     ------
     StoreError
-        When it is not.
+        When they are not.
     """
     start = time.process_time()
-    dataset = cache.open_ensemble(config.ensemble, config.first)
-    entry = cache.find(config.ensemble.key)
-    simulated = entry.cost_s * config.n_streams / config.ensemble.n_streams
-    spectra = theta_spectra(dataset)
-    return _with_cost(spectra, simulated + time.process_time() - start)
+    needed = _needed(config)
+    spectra = theta_spectra(cache.open_ensemble(needed))
+    entry = cache.covering(needed)
+    simulated = entry.cost_s * needed.n_streams / entry.n_done if entry is not None else 0.0
+    return replace(spectra, cost_s=simulated + time.process_time() - start)
 
 
 def _simulated(
@@ -120,30 +129,25 @@ def _simulated(
     workers: int | None,
     progress: Progress | None,
     should_stop: Callable[[], bool] | None,
+    nice: int,
 ) -> ThetaSpectra:
     root = cache.writable
     assert root is not None  # check_writable has been asked
     workshop = Cache((*cache.roots, root / WORKSHOP), root / WORKSHOP)
-    ensemble = config.ensemble
-    if cache.open_geometry(ensemble.stream) is None:
-        load_geometry(ensemble.stream, cache, workers, _half(progress))
-    # Fewer streams of the same seed are the same streams: what does not count is not simulated.
-    needed = ensemble.model_copy(update={"n_streams": config.n_streams})
-    simulate(needed, workers=workers, cache=workshop, progress=progress, should_stop=should_stop)
-    spectra = _from_cache(SpectraConfig(ensemble=needed), workshop)
+    needed = _needed(config)
+    stop = should_stop or (lambda: False)
+
+    def report(done: int, total: int) -> None:
+        if progress is not None:
+            progress(done, 2 * total)  # as the first half of the setting
+        if stop():
+            raise Stopped(0, needed.n_streams)
+
+    load_geometry(needed.stream, cache, workers, report, nice=nice)
+    complete(needed, workshop, workers=workers, progress=progress, should_stop=stop, nice=nice)
+    spectra = _from_cache(config, workshop)
     _remove(needed, root / WORKSHOP)
     return spectra
-
-
-def _half(progress: Progress | None) -> Progress | None:
-    """Progress of the geometry, as the first half of a setting."""
-    if progress is None:
-        return None
-    return lambda done, total: progress(done, 2 * total)
-
-
-def _with_cost(spectra: ThetaSpectra, cost_s: float) -> ThetaSpectra:
-    return ThetaSpectra(spectra.bands, spectra.errors, spectra.mean_impacts, cost_s)
 
 
 def _remove(ensemble: EnsembleConfig, folder: Path) -> None:

@@ -18,7 +18,8 @@ from app.state_convergence import SIZES
 from app.study import TaskControls
 from app.work import Compute, Task, Watch
 from streamdash.classifier_data import Cancelled
-from streamdash.ensemble import Stopped, WorkerError
+from streamdash.ensemble import Stopped
+from streamdash.jobs_limits import Refused, check_size
 from streamdash.plots import convergence
 from streamdash.plots.live import LiveFigure, export
 from streamdash.spectrum import KINDS
@@ -27,6 +28,7 @@ from streamdash.spectrum_lab import KNOBS, Knob, knob
 from streamdash.spectrum_text import Measured, cost, cost_sentence, measure
 from streamdash.spectrum_verdicts import verdict_sentence
 from streamdash.store import StoreError
+from streamdash.workers import WorkerError
 
 LEGEND = (
     ("grey", "68 % of the streams of the setting compared with"),
@@ -173,11 +175,16 @@ class ConvergencePage(Page):
 
     def _job(self) -> tuple[Any, Compute]:
         """Key and computation of what is missing of the chosen test."""
-        cache, configs = self.services.cache, [setting.config for setting in self.knob.settings]
+        cache, limits = self.services.cache, self.services.jobs.limits
+        configs = [setting.config for setting in self.knob.settings]
 
         def compute(progress, should_stop) -> None:
+            if not limits.max_jobs:
+                raise Refused("This server does not simulate for its visitors.")
+            for config in configs:
+                check_size(config.ensemble, limits)
             try:
-                compute_missing(configs, cache, progress=progress, should_stop=should_stop)
+                compute_missing(configs, cache, limits.workers, progress, should_stop, limits.nice)
             except Stopped:
                 raise Cancelled from None
             except (StoreError, WorkerError) as error:
