@@ -47,8 +47,15 @@ def knobs(page: Page) -> Viewable:
     first, *others = groups[SUBHALOS]
     return pn.Column(
         ui.figure_grid([first, *groups[SAMPLE], title], narrowest=230),
-        ui.folded(f"{SUBHALOS}: more", [ui.figure_grid(others, narrowest=230)], "knobs-perturbers"),
-        ui.folded(STREAM, [ui.figure_grid(groups[STREAM], narrowest=230)], "knobs-stream"),
+        ui.folded(
+            f"{SUBHALOS}: more",
+            [ui.figure_grid(others, narrowest=230)],
+            "knobs-perturbers",
+            title_variant="body2",
+        ),
+        ui.folded(
+            STREAM, [ui.figure_grid(groups[STREAM], narrowest=230)], "knobs-stream", title_variant="body2"
+        ),
         sizing_mode=ui.WIDE,
         margin=0,
     )
@@ -130,7 +137,7 @@ class Others:
         self._listed: tuple = ()
         self._numbers: dict[str, Any] = {}
         self.rows = pn.Column(sizing_mode=ui.WIDE, margin=0, css_classes=["sd-sim-others"])
-        self.view = ui.folded("Simulations on this server", [self.rows], "sim-list")
+        self.view = ui.folded("Simulations on this server", [self.rows], "sim-list", title_variant="body2")
 
     def show(self, statuses: tuple[JobStatus, ...], unfinished: tuple[Choice, ...]) -> None:
         """List them, the newest first."""

@@ -24,8 +24,8 @@ LEFT_ALONE_S = 86_400
 
 
 def mark_used(cache: Cache, key: str) -> None:
-    """Note that an entry is in use now; without effect in a cache that cannot be written to."""
-    if cache.writable is None:
+    """Note that an entry is in use now; without effect in a cache that cannot be written to or is shipped."""
+    if cache.writable is None or cache.writable == SHIPPED:
         return
     with contextlib.suppress(OSError):
         mark = _mark(cache.writable, key)

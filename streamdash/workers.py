@@ -24,6 +24,8 @@ Executor = Literal["inline", "processes", "dask"]
 
 BACKENDS = {"inline": "sequential", "processes": "loky"}
 PARENT_POLL_S = 1.0
+_ending = threading.Event()
+"""This process is about to end."""
 
 
 class WorkerError(RuntimeError):
@@ -63,6 +65,8 @@ def results(
         work = joblib.delayed(_work)
         with _spared_from_ctrl_c():
             found = parallel(work(function, piece, parent, nice) for piece in pieces)
+        if backend == "loky":
+            _end_workers_at_exit()
         try:
             # Not `yield from`, which would close them before the warnings are off.
             for result in found:  # noqa: UP028
@@ -71,6 +75,23 @@ def results(
             with warnings.catch_warnings():  # that work is given up when stopping is intended
                 warnings.simplefilter("ignore", UserWarning)
                 found.close()
+
+
+@lru_cache(maxsize=1)
+def _end_workers_at_exit() -> None:
+    """Have a process that ends kill its workers, instead of waiting for all they have been given.
+
+    loky waits in a callback that it registers just like this when it starts; the latest is called
+    first, and those of ``atexit`` come too late.
+    """
+
+    def end() -> None:
+        _ending.set()
+        joblib.externals.loky.get_reusable_executor(reuse=True).shutdown(wait=False, kill_workers=True)
+
+    register = getattr(threading, "_register_atexit", None)
+    if register is not None:
+        register(end)
 
 
 @contextlib.contextmanager
@@ -120,6 +141,8 @@ def _as_worker_error() -> Generator[None]:
             "run this again with fewer workers to resume."
         ) from error
     except Exception as error:
+        if _ending.is_set():
+            raise WorkerError("This process is ending; what was finished is kept.") from error
         if not _is_of_dask(error):
             raise
         raise WorkerError(

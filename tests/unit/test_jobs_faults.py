@@ -141,6 +141,20 @@ def test_a_killed_server_loses_nothing_that_was_finished(config, undisturbed, ge
     assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()]  # they noticed
 
 
+def test_a_server_that_ends_does_not_wait_for_what_its_workers_were_given(config, geometry_cache, launch):
+    many = config.model_copy(update={"n_streams": 5000})
+    begins = SERVER.partition("status =")[0]
+    script = f"{begins}\nimport time\nwhile not jobs.find(key).done:\n    time.sleep(0.01)\n"
+    process = launch(sys.executable, "-c", script, geometry_cache.roots[0], many.model_dump_json())
+    wait_for_streams(geometry_cache, many, process)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert "Traceback" not in errors
+    entry = geometry_cache.find(many.key)
+    assert (entry.state, geometry_cache.verify(entry)) == ("partial", [])
+    assert entry.n_done < 1000
+
+
 def test_two_servers_and_the_command_line_on_one_cache(
     config, undisturbed, geometry_cache, toy, server, launch
 ):

@@ -80,7 +80,10 @@ def test_shipped_entries_are_never_removed(toy, cache, tmp_path, shipped_cache):
     with pytest.raises(StoreError):
         make_room(both, 2, 1)
     assert len(both.entries()) == 1
-    assert own_entries(Cache.default(shipped_cache)) == []  # even where they could be written to
+    writable = Cache.default(shipped_cache)
+    assert own_entries(writable) == []  # even where they could be written to
+    mark_used(writable, writable.entries()[0].key)
+    assert not (shipped_cache / ".used").exists()
 
 
 def test_a_clock_that_was_set_back_protects_nothing_for_long(cache, aged):
