@@ -15,8 +15,9 @@ Three checks, each blind to what the others see:
     these alternatives (Hastie, Tibshirani & Friedman 2009, §14.2.4).
 
 `structure`
-    Whether it has any: the same against the smooth stream alone, also with less noise than stated. Apart from `pattern`, since some
-    true streams are hardly hit: they must not hide profiles that only run the wrong way.
+    Whether it has any: the same against the smooth stream alone, also with less noise than stated.
+    Apart from `pattern`, since some true streams are hardly hit: they must not hide profiles that
+    only run the wrong way.
 
 Each statistic is ranked among those of held-out streams, so that a fraction p of true streams is as
 strange or stranger, whatever the statistic is. They are joined as p = 3 min(p₁, p₂, p₃) (Bonferroni).
