@@ -115,3 +115,42 @@ class CopyLink(JSComponent):
         .sd-copy :focus-visible { outline: 3px solid #e69f00; outline-offset: 2px; }
         """
     ]
+
+
+class Links(JSComponent):
+    """Links to other views of the app: followed without loading the page anew, where that is possible."""
+
+    links = param.List([], doc="[words, query] of each")
+
+    _esm = """
+    export function render({model}) {
+      const list = document.createElement("ul")
+      list.className = "sd-link-list"
+      const write = () => {
+        list.replaceChildren(...model.links.map(([words, query]) => {
+          const item = document.createElement("li"), link = document.createElement("a")
+          link.href = query || "?"
+          link.textContent = words
+          link.addEventListener("click", (event) => {
+            if (event.ctrlKey || event.metaKey || event.shiftKey || event.button !== 0) { return }
+            event.preventDefault()
+            window.history.pushState({}, "", window.location.pathname + query)
+            window.dispatchEvent(new PopStateEvent("popstate"))
+          })
+          item.append(link)
+          return item
+        }))
+      }
+      model.on("links", write)
+      write()
+      return list
+    }
+    """
+    _stylesheets = [
+        """
+        .sd-link-list { margin: 0; padding: 0; list-style: none; font: 15px/1.9 Roboto, sans-serif; }
+        .sd-link-list a { color: var(--mui-palette-primary-main, inherit); }
+        .sd-link-list a::after { content: " →"; }
+        .sd-link-list a:focus-visible { outline: 3px solid #e69f00; outline-offset: 2px; }
+        """
+    ]

@@ -61,6 +61,14 @@ def class_heading(index: int, choice: Choice) -> pn.pane.HTML:
     )
 
 
+def heading(text: str) -> pn.pane.HTML:
+    """Heading of a part of a page."""
+    words = html.escape(text)
+    return pn.pane.HTML(
+        f"<h2 style='font: 500 22px/1.4 Roboto, sans-serif; margin: 0'>{words}</h2>", margin=4
+    )
+
+
 def figure_cell(heading: Viewable, figure: UIElement) -> Viewable:
     """A figure under its heading, for `figure_grid`."""
     return pn.Column(heading, pn.pane.Bokeh(figure, sizing_mode=WIDE, margin=0), sizing_mode=WIDE, margin=0)

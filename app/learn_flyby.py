@@ -233,6 +233,18 @@ class FlybyLesson:
             title_variant="body2",
             margin=(0, 4),
         )
+        crowd = ui.folded(
+            "Many random fly-bys on top",
+            [
+                ui.int_slider(page, "crowd", "How many", 0, CROWD_MAX),
+                ui.toggle(page, "crowd_of", "with masses of", masses),
+                ui.button("Draw others", self.draw_others, css_classes=["sd-draw-others"], margin=(4, 10)),
+            ],
+            "many",
+            title_variant="body2",
+            margin=(0, 4),
+            active=[0] if self.session.crowd else [],
+        )
         return pn.Column(
             ui.slider(page, "mass10", "Mass: log₁₀(M / M☉)", step=0.25),
             ui.slider(page, "b", "Closest approach (in sizes r_s)", step=0.1, format="0.0"),
@@ -241,9 +253,7 @@ class FlybyLesson:
             finer,
             self.hand_text,
             ui.controls(self.add_button, self.remove_button),
-            ui.int_slider(page, "crowd", "Random fly-bys on top", 0, CROWD_MAX),
-            ui.toggle(page, "crowd_of", "with masses of", masses),
-            ui.button("Draw others", self.draw_others, css_classes=["sd-draw-others"], margin=(4, 10)),
+            crowd,
             ui.noise_slider(page),
             margin=0,
             styles={"flex": "0 1 290px"},

@@ -14,7 +14,7 @@ from app.browser import CopyLink, LiveText
 from app.learn_html import SCORE_STYLE, score_table
 from app.pages.base import Page
 from app.services import Unavailable
-from app.state import class_link
+from app.state import link_to
 from app.state_learn import AVERAGE_MAX, DIFFICULTIES, GAME_MAX, QUIZ_NOISE, ROUNDS
 from app.training import streams_of, train_task
 from app.work import Task, Watch
@@ -166,7 +166,8 @@ class QuizLesson:
         for button in self.buttons:
             button.disabled = self.revealed
         self.next_button.visible = self.revealed and self.number < ROUNDS
-        self.link.query = class_link(session)
+        # Where everybody starts, and without this person's guesses.
+        self.link.query = link_to(session, round=1, answers="", average=1, theme="default")
         self._ink()
         self._say()
 

@@ -26,7 +26,7 @@ class Player(JSComponent):
     captions = param.List([], doc="what is said of each frame")
     value = param.Integer(0, doc="frame shown, when it is at rest")
     label = param.String("Film", doc="name of the slider, for screen readers")
-    seconds = param.Number(6.0, doc="how long the whole film takes")
+    seconds = param.Number(5.0, doc="how long the whole film takes")
 
     _esm = """
     export function render({model}) {

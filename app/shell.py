@@ -78,13 +78,14 @@ class Shell:
 
     def _changed(self, *events: Any) -> None:
         changed = frozenset(event.name for event in events)
+        # First, and by itself: Bokeh cannot lay out a figure that arrives in a tab which is not open yet.
+        self.tabs.active = self._position()
         with pn.io.hold():
             if changed & STRUCTURE:
                 self._show()
             elif self.page is not None and changed & self.page.uses:
                 page = self.page
                 self._attempt(lambda: page.update(changed & page.uses))
-            self.tabs.active = self._position()
             self.view.dark_theme = self.session.theme == "dark"
             if "page" in changed:
                 self.address.push += 1

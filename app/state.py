@@ -237,11 +237,17 @@ def write_query(session: Session) -> str:
     return f"?{urlencode(query, safe=',~')}" if query else ""
 
 
-def class_link(session: Session) -> str:
-    """Query that brings others to the start of the same game of the quiz, without any guesses."""
-    pairs = parse_qsl(write_query(session).lstrip("?"))
-    kept = [(name, text) for name, text in pairs if name not in ("round", "answers", "average", "theme")]
-    return f"?{urlencode(kept, safe=',~')}"
+def link_to(session: Session, **changes: Any) -> str:
+    """Query of a session's view with some of its choices changed."""
+    query = dict(parse_qsl(write_query(session).lstrip("?")))
+    for name, value in changes.items():
+        query.pop(name, None)
+        default = session.pages[0] if name == "page" else type(session).param[name].default
+        if value != default:
+            query[name] = value if name == "page" else FIELDS[name].write(value)
+    other = Session(session.pages, session.catalog)
+    other.load(urlencode(query))
+    return other.search  # as the address bar will have it
 
 
 def _short(text: str) -> str:

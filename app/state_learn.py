@@ -12,7 +12,7 @@ from streamdash.classifier_quiz import ROUNDS
 from streamdash.config import ConfigError
 from streamdash.flyby import FRAMES, Flyby
 
-LESSONS = {"One fly-by": "flyby", "Guess the mass": "quiz"}
+LESSONS = {"The story": "story", "One fly-by": "flyby", "Guess the mass": "quiz"}
 STEPS = 6
 FLYBYS_MAX = 12
 CROWD_MAX = 100
@@ -119,7 +119,7 @@ class LearnState(param.Parameterized):
     """Choices of the Learn page."""
 
     lesson: Any = param.Selector(
-        default="flyby", objects=list(LESSONS.values()), doc="part of the page shown"
+        default="story", objects=list(LESSONS.values()), doc="part of the page shown"
     )
     step = param.Integer(1, bounds=(1, STEPS), doc="step of the story")
     mass10 = _hand("mass10", "log₁₀ of the mass of the fly-by in hand, M☉")

@@ -27,7 +27,7 @@ from app.layout import (  # pages find all of it in `ui`
     plain_text,
 )
 from app.pages.base import Page
-from app.theme import MENU_STYLE, STYLE, THEME
+from app.theme import STYLE, THEME
 from streamdash.plots.style import class_colour
 
 __all__ = [
@@ -47,7 +47,6 @@ __all__ = [
     "folded",
     "int_slider",
     "legend",
-    "menu",
     "message",
     "navigation",
     "no_ensembles",
@@ -198,46 +197,44 @@ def toggle(page: Page, name: str, label: str, options: dict[str, Any], **params:
     return pn.Column(caption(label), widget, margin=(4, 10), width_policy="min", **params)
 
 
-def menu(name: str, label: str, options: dict[str, Any], **params: Any) -> pn.widgets.Select:
-    """The browser's own menu: panel-material-ui 0.16.6's cannot be opened with the keyboard."""
-    return pn.widgets.Select(
-        label=label, options=options, **_sized(name, {"stylesheets": [MENU_STYLE], **params})
+def select(page: Page, name: str, label: str, options: dict[str, Any], **params: Any) -> pmui.Select:
+    """One of several values as a menu."""
+    widget = pmui.Select(
+        label=label, options=options, value=getattr(page.session, name), **_sized(name, params)
     )
+    return page.bind(name, widget)
 
 
-def select(page: Page, name: str, label: str, options: dict[str, Any], **params: Any) -> pn.widgets.Select:
-    """One of several values of a session as a menu."""
-    return page.bind(name, menu(name, label, options, value=getattr(page.session, name), **params))
-
-
-def stream_picker(page: Page) -> pn.widgets.Select:
+def stream_picker(page: Page) -> pmui.Select:
     """Menu of the stream models that have complete ensembles."""
     session = page.session
 
     def options() -> dict[str, str]:
         return {stream.label: stream.key for stream in session.catalog.streams}
 
-    widget = menu("stream", "Stream", options(), value=session.stream)
+    widget = pmui.Select(label="Stream", options=options(), value=session.stream, **_sized("stream", {}))
     widget.param.watch(lambda event: session.choose_stream(event.new), "value")
     page.follow("catalog", lambda: widget.param.update(options=options()))
     return widget
 
 
-def ensemble_picker(page: Page) -> Viewable:
-    """Choice of the 2 to 4 mass ranges that are compared: buttons, which the keyboard reaches too."""
+def ensemble_picker(page: Page) -> pmui.MultiChoice:
+    """Choice of the 2 to 4 mass ranges that are compared."""
     session = page.session
 
     def options() -> dict[str, str]:
         stream = session.catalog.stream(session.stream)
         return {choice.label: choice.key for choice in (stream.ensembles if stream else ())}
 
-    widget = pmui.CheckButtonGroup(
+    widget = pmui.MultiChoice(
+        label=f"Mass ranges of the perturbers ({CLASSES_MIN} to {CLASSES_MAX})",
         options=options(),
         value=list(session.mass),
-        size="small",
-        margin=0,
+        sizing_mode=WIDE,
+        max_width=460,
+        styles={"flex": "1 1 300px"},
+        margin=(4, 10),
         css_classes=["sd-mass"],
-        sx={"flexWrap": "wrap", "& button": {"whiteSpace": "nowrap", "width": "auto", "flex": "0 0 auto"}},
     )
 
     def picked(event: param.parameterized.Event) -> None:
@@ -249,8 +246,7 @@ def ensemble_picker(page: Page) -> Viewable:
 
     widget.param.watch(picked, "value")
     page.follow("catalog", lambda: widget.param.update(options=options()))
-    heading = caption(f"Mass ranges of the perturbers ({CLASSES_MIN} to {CLASSES_MAX})")
-    return pn.Column(heading, widget, margin=(4, 10), max_width=620, styles={"flex": "1 1 300px"})
+    return widget
 
 
 def noise_slider(page: Page) -> pmui.FloatSlider:

@@ -26,7 +26,7 @@ from streamdash.impacts import COLUMNS, Impacts, check_impacts, sample_impacts, 
 from streamdash.kicks import kick_tables
 from streamdash.kicks_impulse import gravity, velocity_kick
 
-FRAMES = 101
+FRAMES = 151
 """Frames of a film."""
 FILM_ANGLES = 360
 """Angles of a film."""

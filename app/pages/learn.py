@@ -12,17 +12,19 @@ from app.learn_flyby import USES as FLYBY_USES
 from app.learn_flyby import FlybyLesson
 from app.learn_quiz import USES as QUIZ_USES
 from app.learn_quiz import QuizLesson
+from app.learn_story import USES as STORY_USES
+from app.learn_story import StoryLesson
 from app.pages.base import Page
 from app.state_learn import LESSONS
 
-MADE_BY: dict[str, Any] = {"flyby": FlybyLesson, "quiz": QuizLesson}
+MADE_BY: dict[str, Any] = {"story": StoryLesson, "flyby": FlybyLesson, "quiz": QuizLesson}
 
 
 class LearnPage(Page):
     """One of three lessons at a time."""
 
     key, title = "learn", "Learn"
-    uses = FLYBY_USES | QUIZ_USES | {"lesson"}
+    uses = STORY_USES | FLYBY_USES | QUIZ_USES | {"lesson"}
 
     def view(self) -> Viewable:
         self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
@@ -37,13 +39,19 @@ class LearnPage(Page):
             self.lesson.update(changed)
 
     def close(self) -> None:
-        if self.lesson is not None:
-            self.lesson.close()
+        self._leave()
         super().close()
 
     def _open(self) -> None:
         """Build the lesson that is chosen."""
+        self._leave()
+        # A page of its own for what a lesson binds, which ends with the lesson.
+        self.inner = Page(self.session, self.services)
+        self.lesson = MADE_BY[self.session.lesson](self.inner)
+        self.slot[:] = [self.lesson.view()]
+
+    def _leave(self) -> None:
         if self.lesson is not None:
             self.lesson.close()
-        self.lesson = MADE_BY[self.session.lesson](self)
-        self.slot[:] = [self.lesson.view()]
+            self.inner.close()
+            self.lesson = None

@@ -117,13 +117,19 @@ def draw_density(shown: Film, marks: np.ndarray, frame: int, backend: Backend) -
     return _lower(overlay, backend)
 
 
-def density_columns(shown: Film, marks: np.ndarray, frame: int) -> dict[str, dict[str, np.ndarray]]:
-    """Arrays of `draw_density` that can differ in length from film to film, for `LiveFigure.patch`."""
+def density_columns(shown: Film, marks: np.ndarray, frame: int) -> dict[str, dict[str, Any]]:
+    """Arrays of `draw_density`, for `LiveFigure.patch`."""
     return {
+        STRIP: {"image": [shade(shown, frame)]},
         NOW: {"x": shown.theta, "y": shown.density[frame]},
         SMOOTH: {"x": shown.theta, "y": shown.smooth[frame]},
         STRUCK: {"x": marks[frame], "y": _mark_heights(shown, marks)},
     }
+
+
+def shade(shown: Film, frame: int) -> np.ndarray:
+    """The one row (1, n_theta) of the image behind `draw_density`."""
+    return np.minimum(shown.density[frame], SHADE_TOP)[None, :]
 
 
 def draw_gap(shown: Film, frame: int, backend: Backend) -> hv.Overlay:
@@ -233,6 +239,5 @@ def _shade(shown: Film, frame: int, backend: Backend) -> hv.Image:
     """The stream as it would look: the more stars, the darker (on a dark page: the lighter)."""
     half = 0.5 * (shown.theta[1] - shown.theta[0])
     bounds = (shown.theta[0] - half, 0, shown.theta[-1] + half, TALL)
-    row = np.minimum(shown.density[frame], SHADE_TOP)[None, :]
-    image = hv.Image(row, bounds=bounds, kdims=["x", "y"], vdims=["shade"], label=STRIP)
+    image = hv.Image(shade(shown, frame), bounds=bounds, kdims=["x", "y"], vdims=["shade"], label=STRIP)
     return image.opts(cmap=rising_alpha(highest=0.7), clim=(0, SHADE_TOP), backend=backend)

@@ -67,6 +67,11 @@ def hand_sentence(geometry: Geometry, scene: Scene) -> str:
     )
 
 
+def star_speed(geometry: Geometry, flyby: Flyby) -> float:
+    """Speed of the stars that the fly-by meets, km/s."""
+    return float(np.linalg.norm(_star_velocity(geometry, flyby)))
+
+
 def _star_velocity(geometry: Geometry, flyby: Flyby) -> np.ndarray:
     """Velocity (3,) of the stars that the fly-by meets, km/s."""
     table = geometry.tables[flyby.time_index(geometry)]
@@ -106,7 +111,7 @@ def film_sentence(shown: Film, frame: int) -> str:
 def kick_sentence(geometry: Geometry, scene: Scene, kick: xr.Dataset) -> str:
     """What the fly-by in hand did."""
     flyby = scene.flybys[-1]
-    speed = float(np.linalg.norm(_star_velocity(geometry, flyby)))
+    speed = star_speed(geometry, flyby)
     strongest, turn = float(np.abs(kick.dv_along).max()), float(np.abs(kick.d_omega).max())
     share = turn * time_unit_gyr() / geometry.mean_omega
     return (

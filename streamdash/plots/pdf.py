@@ -130,7 +130,7 @@ def draw(
     comparison: Comparison,
     configs: Sequence[EnsembleConfig],
     backend: Backend,
-    selected: int = 0,
+    selected: int | None = 0,
     title: str = "",
 ) -> hv.Overlay:
     """Declare the figure of PDF(Qρ); in the browser its data are then replaced by `columns`."""
@@ -142,11 +142,12 @@ def draw(
     for m, band in enumerate(bands):
         parts.append(step_line(f"median {m}", edges, band.median, class_colour(m), backend))
     if backend == "bokeh":
-        parts.append(frame_span(SELECTED, edges[selected], edges[selected + 1]))
+        if selected is not None:
+            parts.append(frame_span(SELECTED, edges[selected], edges[selected + 1]))
         names = [(model_text(m, c.perturbers.mass_range), f"@text{m}") for m, c in enumerate(configs)]
         where = [("bin α", "@number"), ("Qρ", "@x0{0.000} to @x1{0.000}")]
         tips = [*where, *names, ("counts for evidence", "@counts")]
-        parts.append(hover_spans(BINS, columns(comparison, selected)[BINS], tips))
+        parts.append(hover_spans(BINS, columns(comparison, 0)[BINS], tips))
     ranges = frame(comparison)
     return framed(parts, Q_LABEL, "PDF(Qρ)", ranges["x"], ranges["y"], backend, title)
 

@@ -7,7 +7,6 @@ import time
 import numpy as np
 import pytest
 
-from app.state import class_link
 from streamdash.classifier_data import split
 from streamdash.plots import quiz as plot
 
@@ -33,8 +32,7 @@ def test_the_same_link_asks_everybody_about_the_same_ten(open_shell):
     np.testing.assert_array_equal(lesson(one).rows, lesson(other).rows)
     assert (lesson(open_shell(f"{QUIZ}&game=8")).rows != lesson(one).rows).any()
     lesson(one).guess(0)
-    assert class_link(one.session) == class_link(other.session) == f"{QUIZ}&game=7"
-    assert lesson(one).link.query == f"{QUIZ}&game=7"
+    assert lesson(one).link.query == lesson(other).link.query == f"{QUIZ}&game=7"
 
 
 def test_a_game_is_played_to_its_end(open_shell):

@@ -61,8 +61,8 @@ def launch(playwright: Playwright) -> Browser:
 
 
 @contextlib.contextmanager
-def started(cache: Path, *options: str) -> Iterator[tuple[str, subprocess.Popen]]:
-    """Serve the app from `cache` as a subprocess; gives its address and process, and ends it."""
+def served(cache: Path, *options: str) -> Iterator[str]:
+    """Serve the app from `cache` as a subprocess; gives its address, ends it by its process id."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -75,7 +75,7 @@ def started(cache: Path, *options: str) -> Iterator[tuple[str, subprocess.Popen]
     )
     try:
         _wait_until_live(process, f"{address}/liveness")
-        yield address, process
+        yield address
     finally:
         process.send_signal(signal.SIGTERM)
         try:
@@ -83,13 +83,6 @@ def started(cache: Path, *options: str) -> Iterator[tuple[str, subprocess.Popen]
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-
-
-@contextlib.contextmanager
-def served(cache: Path, *options: str) -> Iterator[str]:
-    """The address alone of `started`."""
-    with started(cache, *options) as (address, _):
-        yield address
 
 
 def _wait_until_live(process: subprocess.Popen, url: str, seconds: float = 60) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests.browser.driving import READY
+
 pytestmark = pytest.mark.browser
 FLYBY = "?page=learn&lesson=flyby"
 LONG_MS = 60_000
@@ -21,6 +23,14 @@ def film(page: Page):
 
 def frame(page: Page) -> int:
     return int(film(page).get_attribute("data-frame") or -1)
+
+
+def drawn(page: Page) -> None:
+    """Wait until every figure has been painted: Bokeh complains when one is replaced before."""
+    page.wait_for_function(READY, timeout=LONG_MS)
+    page.wait_for_function(
+        "() => sd.figures().every(f => (sd.view(f)?._render_count ?? 0) > 0)", timeout=LONG_MS
+    )
 
 
 def sideways(page: Page) -> list[str]:
@@ -70,7 +80,7 @@ def test_another_mass_makes_another_film(tab):
     expect(sentence).not_to_have_text(deepest, timeout=LONG_MS)
 
 
-@pytest.mark.parametrize("query", [f"{FLYBY}&theme=dark", "?page=learn&lesson=quiz"])
+@pytest.mark.parametrize("query", [f"{FLYBY}&theme=dark", "?page=learn&lesson=quiz", "?page=learn&step=6"])
 def test_nothing_sticks_out_on_a_phone(tab, query):
     page = tab(query, width=390, height=844).page
     expect(page.locator(".sd-card").first).to_be_visible(timeout=LONG_MS)
@@ -95,4 +105,28 @@ def test_a_round_of_the_quiz_by_keyboard(tab):
     assert link.input_value().endswith("?page=learn&lesson=quiz&game=4")
     page.locator(".sd-next button").click()
     expect(verdict).to_contain_text("Round 2 of 10", timeout=LONG_MS)
+    assert watched.complaints == []
+
+
+def test_the_story_goes_on_by_keyboard_and_its_links_come_back(tab):
+    watched = tab("?page=learn&step=4")
+    page = watched.page
+    story = page.locator(".sd-story")
+    expect(story).to_contain_text("A telescope counts stars", timeout=LONG_MS)
+    drawn(page)
+    page.locator(".sd-on button").focus()
+    page.keyboard.press("Enter")
+    expect(story).to_contain_text("Bayes factor", timeout=LONG_MS)
+    drawn(page)
+    page.wait_for_function("() => new URLSearchParams(location.search).get('step') === '5'")
+    page.evaluate("() => { window.sd_same_page = true }")
+    page.get_by_role("link", name="The PDF page").click()
+    expect(page.locator(".sd-card-pdf")).to_be_visible(timeout=LONG_MS)
+    drawn(page)
+    assert "page=pdf" in page.url
+    page.go_back()
+    expect(story).to_contain_text("Bayes factor", timeout=LONG_MS)
+    assert page.evaluate("() => window.sd_same_page") is True
+    page.get_by_text("Glossary").click()
+    expect(page.get_by_role("row", name="Qρ density of the stream")).to_be_visible(timeout=LONG_MS)
     assert watched.complaints == []

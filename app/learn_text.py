@@ -1,0 +1,162 @@
+"""The story's words. Every number comes as an argument, computed when the text is shown."""
+
+from __future__ import annotations
+
+import math
+
+GLOSSARY = """
+| word or symbol | meaning |
+|---|---|
+| **b** | impact parameter: the distance at which an object passes the stream |
+| **Bayes factor, ln B** | how much more probable an observation is under one hypothesis than under another, and its natural logarithm |
+| **bin** | a short stretch of the stream in which stars are counted together |
+| **classifier** | a program that has seen many simulated streams with their answers and guesses the answer of a new one |
+| **δΩ∥** | by how much a fly-by changes a star’s drift along the stream |
+| **fiducial** | the hypothesis that is taken to be true while one asks how sure one could be of it |
+| **Gyr** | gigayear, a billion years |
+| **kpc, pc** | kiloparsec, parsec: lengths; light takes 3.26 years for one parsec |
+| **ℓ, b (deg)** | Galactic longitude and latitude: the position on the sky as seen from the Sun |
+| **M☉** | the mass of the Sun |
+| **M0, M1, …** | the hypotheses compared: mass ranges of the dark objects, lightest first |
+| **Ω∥** | how fast stars drift along the stream, away from the progenitor (“omega parallel”) |
+| **PDF(Qρ)** | probability density function: how often each value of Qρ occurs along a stream |
+| **primordial black hole** | a black hole from the first moments of the Universe; no star made it |
+| **progenitor** | the cluster of stars that the stream comes from |
+| **Qρ** | density of the stream divided by that of the undisturbed stream, ρ / ρ̄; 1 where nothing has happened |
+| **ρ, ρ̄** | number of stars per length of the stream (“rho”), with and without fly-bys |
+| **r_s** | scale radius: the size of a dark object |
+| **σ_ε** | shot noise: the scatter of Qρ in one bin that comes from counting a limited number of stars |
+| **subhalo** | a clump of dark matter that orbits in the Galaxy |
+| **θ∥** | angle along the stream, from the progenitor outwards, in radians (“theta parallel”) |
+| **tide** | the difference of a pull between the near and the far side of what is pulled |
+"""
+# ruff: noqa: E501
+
+
+def stream_text(
+    name: str, age: float, sky: float, near: float, far: float, drift: float, length: float
+) -> str:
+    """Step 1."""
+    return f"""
+A cluster of stars that orbits the Galaxy is pulled harder on its near side than on its far side. This
+*tide* lets its outer stars go, slowly and a few at a time. Some leave inwards, where orbits are quicker,
+and run ahead. Over billions of years they draw out a thin band along the orbit: a **stellar stream**.
+The big dot marks the cluster it comes from, the *progenitor*.
+
+This stream is a model ({name}). It began to come apart **{age:g} Gyr** ago; a Gyr is a billion years. The
+half that runs ahead now spans **{sky:.0f}°** of the sky, {near:.0f} to {far:.0f} kpc from us.
+
+Two coordinates say where along it we are: Galactic longitude **ℓ**, as seen in the sky, and the angle
+**θ∥** from the progenitor, in radians. Stars drift outwards by {drift:.2g} rad per Gyr on average, so the
+far end, at {length:.2f} rad, left first. The number of stars per length is the density **ρ**; as long as
+nothing disturbs the stream it is smooth, and then it is called **ρ̄**.
+"""
+
+
+def gap_text(mass: str, r_s: str, b: str, speed: float, kick: float, time: float, missing: float) -> str:
+    """Step 2."""
+    return f"""
+Dark matter is expected to come in clumps. We cannot see one, but a stream can feel it. Let an object of
+**{mass}** (M☉ is the mass of the Sun) and size {r_s} pass at {b}. For a moment it pulls on the stars
+nearby. That *kick* changes their velocity along the stream by at most **{kick:.2g} km/s**, while they
+orbit at {speed:.0f} km/s.
+
+Stars behind the point that was hit are pulled forward: they gain energy, rise to a larger and slower orbit
+and fall back. Stars ahead are pulled back, sink to a quicker orbit and run away. Both leave the place
+that was hit, and a **gap** opens.
+
+Here the fly-by was {time:.1f} Gyr ago. Today, where the stream is emptiest, **{missing:.0f} %** of its stars
+are missing (line: today; dashed: without the fly-by). Change the mass and see how the gap answers.
+"""
+
+
+def many_text(light: str, heavy: str, hits: tuple[float, float], size: tuple[float, float], n: int) -> str:
+    """Step 3."""
+    return f"""
+A stream is hit more than once. If the dark objects have **{light}** each, this one is hit
+**{hits[0]:.0f}** times on average; if they have **{heavy}**, **{hits[1]:.0f}** times. Many gaps overlap,
+refill and are hit again: no single one can be traced back any more. What is left is a pattern.
+
+To see the pattern alone, divide the density by that of the undisturbed stream: **Qρ = ρ / ρ̄**. It is 1
+where nothing has changed, 0 where no star is left. The lines are one simulated stream for each of the mass
+ranges. In the middle one of {n} streams Qρ goes up and down by **{size[0]:.2g}** for {light} and by
+**{size[1]:.2g}** for {heavy}.
+
+Draw others: every stream is different, as every throw of dice is, but each kind keeps its character.
+"""
+
+
+def noise_text(
+    noise: float, stars: float, n_bin: int, width: float, light: str, heavy: str, share: tuple[float, float]
+) -> str:
+    """Step 4."""
+    counted = (
+        f"σ_ε = {noise:g} means about **{stars:.0f} stars** per bin."
+        if math.isfinite(stars)
+        else "σ_ε = 0 would take endlessly many stars."
+    )
+    return f"""
+A telescope counts stars, here in {n_bin} *bins* of {width:.1f}° along the stream. Even where the density is
+smooth, counts scatter: of N stars expected, one finds N give or take √N. This **shot noise**, relative to
+the smooth density, is called **σ_ε** (“sigma epsilon”), and σ_ε = 1/√N. {counted}
+
+The dots are the streams of before as such a telescope would see them. A bin says something only if it
+is off by more than the noise. Without noise, **{share[0]:.0f} %** of all bins of streams hit by {light} are
+farther than {noise:g} from Qρ = 1, and **{share[1]:.0f} %** of those hit by {heavy}.
+
+Move the noise up, and watch the quieter streams disappear first.
+"""
+
+
+def evidence_text(
+    light: str, heavy: str, ln_bayes: tuple[float, float], words: tuple[str, str], strong: float
+) -> str:
+    """Step 5."""
+    return f"""
+Which masses made a pattern that we see? Forget where along the stream each value of Qρ is, and count how
+often it occurs. That is **PDF(Qρ)**, the *probability density function*. Each mass range has a typical one
+(line), which 68 % of its streams follow within the coloured band. Where bands are apart, a measurement can
+decide.
+
+How well, says the **Bayes factor** B: how many times more probable the data are if one mass range is true
+than if the other is. Its logarithm, ln B, adds up over the bins of the PDF. If the objects really have
+{light}, ln B is **{ln_bayes[0]:.1f}** in favour of the truth ({words[0]}); if they have {heavy}, it is
+**{ln_bayes[1]:.1f}** ({words[1]}). By custom more than {strong:g} is called strong.
+
+Neighbouring bins are not independent, so these sums promise too much; the full page has the honest ones.
+"""
+
+
+def question_text(
+    light: str,
+    heavy: str,
+    noise: float,
+    seen: tuple[float, float],
+    single: float,
+    width: float,
+    stars: tuple[float, float],
+) -> str:
+    """Step 6."""
+    words = []
+    for name, length in zip((light, heavy), seen, strict=True):
+        if math.isfinite(length):
+            words.append(f"those of {name} in pieces of **{length:.1f}°** and longer")
+        else:
+            words.append(f"those of {name} in none of these pieces")
+    more = ""
+    if math.isfinite(stars[1]):
+        ratio = stars[0] / stars[1]
+        more = f", {ratio:.2g} times as many as at this noise" if ratio > 1 else ", fewer than at this noise"
+    return f"""
+Black holes may have formed in the first moments of the Universe. If such **primordial black holes** are
+the dark matter and gather in clusters of {light}, each cluster kicks only softly. Would we notice?
+
+Cut the streams into pieces and ask how far a piece’s density is from the smooth one. In longer pieces noise
+averages out (dashed), while the ups and downs of the stream remain (lines; bars hold 68 % of the streams). At
+σ_ε = {noise:g} the ups and downs exceed the noise as follows: {words[0]}; {words[1]}.
+
+To see {light} in every single bin of {width:.1f}° takes σ_ε below **{single:.2g}**: about
+**{stars[0]:.0f} stars** per bin{more}. And to see is not yet to know: heavier objects make gaps, too. To tell
+the masses apart takes the whole pattern, which is what the other pages weigh. You can also try it yourself:
+guess the mass.
+"""

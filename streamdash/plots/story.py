@@ -1,0 +1,211 @@
+"""Figures of the story: the stream on the sky, one stream of each class, and pieces against noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import holoviews as hv
+import numpy as np
+import pandas as pd
+
+from streamdash.classifier_data import read_streams
+from streamdash.config import EnsembleConfig, StreamModel
+from streamdash.flyby import Film, Flyby, film, flyby_impacts
+from streamdash.geometry import Geometry, load_geometry
+from streamdash.plots.elements import GREY, error_bars, framed, level_lines, line, points
+from streamdash.plots.flyby import HAND_COLOUR, draw_density
+from streamdash.plots.live import Backend, use
+from streamdash.plots.style import COORDINATE_LABELS, INK, class_colour
+from streamdash.store import Cache
+from streamdash.survey_flyby import struck
+from streamdash.survey_story import Pieces, Track, deviations, pieces, track
+
+NOISE = "noise"
+DOTS = 240
+"""Dots that make up the stream on the sky."""
+PAIR_RANGE = (-0.5, 3.0)
+"""Axis of Qρ in `draw_pair`."""
+
+
+# ---------------------------------------------------------------- figures from nothing
+
+
+def track_figure(
+    cache: Cache, stream: StreamModel | None = None, backend: Backend = "matplotlib"
+) -> hv.Overlay:
+    """The smooth stream on the sky."""
+    # Collect
+    geometry = load_geometry(stream or StreamModel(), cache)
+    # Compute
+    shown = track(geometry)
+    # Plot
+    return draw_track(shown, backend)
+
+
+def gap_figure(
+    cache: Cache, flyby: Flyby, stream: StreamModel | None = None, backend: Backend = "matplotlib"
+) -> hv.Overlay:
+    """Today's density along the stream after one fly-by."""
+    # Collect
+    geometry = load_geometry(stream or StreamModel(), cache)
+    # Compute
+    shown = two_frames(geometry, flyby)
+    # Plot
+    return draw_density(shown, struck(geometry, [flyby], shown.time_gyr), -1, backend)
+
+
+def pair_figure(
+    cache: Cache,
+    ensembles: Sequence[str | EnsembleConfig],
+    number: int,
+    noise: float = 0.0,
+    backend: Backend = "matplotlib",
+) -> hv.Overlay:
+    """Stream ``number`` of each ensemble."""
+    # Collect
+    streams = read_streams(cache, ensembles)
+    # Compute
+    rows = [number % len(q) for q in streams.q]
+    clean = [q[row] for q, row in zip(streams.q, rows, strict=True)]
+    noisy = [q + noise * d[row] for q, d, row in zip(clean, streams.draws, rows, strict=True)]
+    # Plot
+    return draw_pair(streams.ell, clean, noisy, noise, backend)
+
+
+def pieces_figure(
+    cache: Cache, ensembles: Sequence[str | EnsembleConfig], noise: float, backend: Backend = "matplotlib"
+) -> hv.Overlay:
+    """Deviation of pieces of the stream from the smooth one, beside the shot noise."""
+    # Collect
+    streams = read_streams(cache, ensembles)
+    # Compute
+    shown = pieces([deviations(q) for q in streams.q], noise)
+    # Plot
+    return draw_pieces(shown, backend)
+
+
+def two_frames(geometry: Geometry, flyby: Flyby) -> Film:
+    """The moment of a fly-by, and today."""
+    return film(geometry, flyby_impacts(geometry, [flyby]), n_frames=2)
+
+
+# ---------------------------------------------------------------- plot
+
+
+def draw_track(shown: Track, backend: Backend) -> hv.Overlay:
+    """The stream on the sky, thicker where there are more stars."""
+    use(backend)
+    table = track_table(shown).iloc[:: max(1, len(shown.ell) // DOTS)]
+    columns = ["b", "density", "distance", "theta"]
+    dots = hv.Scatter(table.set_axis(["ell", *columns], axis=1), "ell", columns, label="track")
+    thickness = hv.dim("density")
+    if backend == "matplotlib":
+        dots = dots.opts(s=8 + 60 * thickness, color=GREY, backend=backend)
+    else:
+        tips = [
+            ("ℓ, b", "@ell{0.0}°, @b{0.0}°"),
+            ("distance", "@distance{0.0} kpc"),
+            ("θ∥", "@theta{0.00} rad"),
+            ("ρ̄", "@density{0.00}"),
+        ]
+        dots = dots.opts(
+            size=2 + 10 * thickness, color=GREY, tools=["hover"], hover_tooltips=tips, backend=backend
+        )
+    start = points("progenitor", shown.ell[:1], shown.b[:1], HAND_COLOUR, backend, size=16)
+    pad = 3.0
+    x = (float(shown.ell.min()) - pad, float(shown.ell.max()) + pad)
+    y = (float(shown.b.min()) - pad, float(shown.b.max()) + pad)
+    return framed([dots, start], COORDINATE_LABELS["ell"], "b (deg)", x, y, backend)
+
+
+def draw_pair(
+    ell: np.ndarray,
+    clean: Sequence[np.ndarray],
+    noisy: Sequence[np.ndarray],
+    noise: float,
+    backend: Backend,
+) -> hv.Overlay:
+    """One stream of each class: a line without noise, dots with noise if there is any."""
+    use(backend)
+    data = pair_columns(ell, clean, noisy, noise)
+    parts: list[hv.Element] = [level_lines("one", [1.0], backend)]
+    for i in range(len(clean)):
+        dots, curve = data[f"noisy {i}"], data[f"clean {i}"]
+        parts.append(points(f"noisy {i}", dots["x"], dots["y"], class_colour(i), backend, size=4))
+        parts.append(line(f"clean {i}", curve["x"], curve["y"], class_colour(i), backend))
+    x = (float(ell.min()), float(ell.max()))
+    return framed(parts, COORDINATE_LABELS["ell"], "Qρ = ρ / ρ̄", x, PAIR_RANGE, backend)
+
+
+def pair_columns(
+    ell: np.ndarray, clean: Sequence[np.ndarray], noisy: Sequence[np.ndarray], noise: float
+) -> dict[str, dict[str, np.ndarray]]:
+    """Arrays of `draw_pair`, for `LiveFigure.patch`."""
+    found = {}
+    for i, (q, dots) in enumerate(zip(clean, noisy, strict=True)):
+        found[f"clean {i}"] = {"x": ell, "y": q}
+        found[f"noisy {i}"] = {"x": ell, "y": dots if noise > 0 else np.full(len(ell), np.nan)}
+    return found
+
+
+def draw_pieces(shown: Pieces, backend: Backend) -> hv.Overlay:
+    """Typical deviation of each class (bars: 68 % of the streams) and the noise, by length of the pieces."""
+    use(backend)
+    data = pieces_columns(shown)
+    parts: list[hv.Element] = []
+    for i in range(len(shown.deviation)):
+        colour, bars = class_colour(i), shown.deviation[i]
+        parts.append(line(f"class {i}", shown.width, bars[1], colour, backend))
+        parts.append(error_bars(f"bars {i}", shown.width, bars[0], bars[2], colour, backend))
+    parts.append(line(NOISE, data[NOISE]["x"], data[NOISE]["y"], INK["light"], backend, dashed=True))
+    overlay = framed(
+        parts,
+        "length of the pieces (deg)",
+        "typical |Qρ - 1|",
+        (0.15, 33.0),
+        (3e-3, 1.5),
+        backend,
+    )
+    return overlay.opts(logx=True, logy=True, backend=backend)
+
+
+def pieces_columns(shown: Pieces) -> dict[str, dict[str, np.ndarray]]:
+    """Arrays of `draw_pieces` that the noise changes, for `LiveFigure.patch`."""
+    # A logarithmic axis has no zero.
+    return {NOISE: {"x": shown.width, "y": np.maximum(shown.noise, 1e-9)}}
+
+
+# ---------------------------------------------------------------- numbers
+
+
+def track_table(shown: Track) -> pd.DataFrame:
+    """The track's numbers."""
+    return pd.DataFrame(
+        {
+            "ell_deg": shown.ell,
+            "b_deg": shown.b,
+            "smooth_density": shown.density,
+            "distance_kpc": shown.distance,
+            "theta_rad": shown.theta,
+        }
+    )
+
+
+def pair_table(
+    ell: np.ndarray, clean: Sequence[np.ndarray], noisy: Sequence[np.ndarray], labels: Sequence[str]
+) -> pd.DataFrame:
+    """The numbers of `draw_pair`."""
+    table = pd.DataFrame({"ell_deg": ell})
+    for label, q, dots in zip(labels, clean, noisy, strict=True):
+        table[f"q_rho_{label}"] = q
+        table[f"q_rho_noisy_{label}"] = dots
+    return table
+
+
+def pieces_table(shown: Pieces, labels: Sequence[str]) -> pd.DataFrame:
+    """The numbers of `draw_pieces`."""
+    table = pd.DataFrame({"length_deg": shown.width, "noise": shown.noise})
+    for label, bars in zip(labels, shown.deviation, strict=True):
+        for name, values in zip(("quantile_16", "median", "quantile_84"), bars, strict=True):
+            table[f"{name}_{label}"] = values
+    return table
