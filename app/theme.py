@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+FOCUS = {"outline": "3px solid #e69f00", "outlineOffset": "2px"}
+"""How what has the keyboard's focus is framed."""
+
 
 def _palette(primary: str, page: str, paper: str, bar: str) -> dict[str, Any]:
     bar_style = {"root": {"backgroundColor": bar, "color": "#ffffff", "backgroundImage": "none"}}
@@ -14,7 +17,8 @@ def _palette(primary: str, page: str, paper: str, bar: str) -> dict[str, Any]:
             "MuiAppBar": {"styleOverrides": bar_style},
             "MuiTab": {"styleOverrides": {"root": {"textTransform": "none", "fontSize": "15px"}}},
             # Animated thumbs repaint the page for 150 ms after every key, while the figures wait.
-            "MuiSlider": {"styleOverrides": {"thumb": still, "track": still}},
+            "MuiSlider": {"styleOverrides": {"thumb": still | {"&.Mui-focusVisible": FOCUS}, "track": still}},
+            "MuiButtonBase": {"styleOverrides": {"root": {"&.Mui-focusVisible": FOCUS}}},
             "MuiToggleButton": {"styleOverrides": {"root": {"textTransform": "none"}}},
             # What assistive technology is told: the title is the page's heading, a figure's is one
             # below, and the title bar's (unused) progress bar has a name.
@@ -28,5 +32,11 @@ THEME = {
     "light": _palette("#17456b", "#ffffff", "#ffffff", "#17456b"),
     "dark": _palette("#8cc4f0", "#12181e", "#12181e", "#1b2a38"),
 }
-STYLE = ":focus-visible { outline: 3px solid #e69f00 !important; outline-offset: 2px; }"
+STYLE = f":focus-visible {{ outline: {FOCUS['outline']} !important; outline-offset: 2px; }}"
 """Where the keyboard is must be seen on any ground."""
+_ARROW = "%3Cpath d='M2 4l4 5 4-5z' fill='%23808080'/%3E"
+MENU_STYLE = f"""
+select.bk-input {{ background-image: url("data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' \
+width='12' height='12'%3E{_ARROW}%3C/svg%3E") !important; }}
+"""
+"""The browser's own menu, with an arrow that is seen on any ground; Panel's is black."""

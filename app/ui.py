@@ -27,7 +27,7 @@ from app.layout import (  # pages find all of it in `ui`
     plain_text,
 )
 from app.pages.base import Page
-from app.theme import STYLE, THEME
+from app.theme import MENU_STYLE, STYLE, THEME
 from streamdash.plots.style import class_colour
 
 __all__ = [
@@ -47,6 +47,7 @@ __all__ = [
     "folded",
     "int_slider",
     "legend",
+    "menu",
     "message",
     "navigation",
     "no_ensembles",
@@ -197,44 +198,46 @@ def toggle(page: Page, name: str, label: str, options: dict[str, Any], **params:
     return pn.Column(caption(label), widget, margin=(4, 10), width_policy="min", **params)
 
 
-def select(page: Page, name: str, label: str, options: dict[str, Any], **params: Any) -> pmui.Select:
-    """One of several values as a menu."""
-    widget = pmui.Select(
-        label=label, options=options, value=getattr(page.session, name), **_sized(name, params)
+def menu(name: str, label: str, options: dict[str, Any], **params: Any) -> pn.widgets.Select:
+    """The browser's own menu: panel-material-ui 0.16.6's cannot be opened with the keyboard."""
+    return pn.widgets.Select(
+        label=label, options=options, **_sized(name, {"stylesheets": [MENU_STYLE], **params})
     )
-    return page.bind(name, widget)
 
 
-def stream_picker(page: Page) -> pmui.Select:
+def select(page: Page, name: str, label: str, options: dict[str, Any], **params: Any) -> pn.widgets.Select:
+    """One of several values of a session as a menu."""
+    return page.bind(name, menu(name, label, options, value=getattr(page.session, name), **params))
+
+
+def stream_picker(page: Page) -> pn.widgets.Select:
     """Menu of the stream models that have complete ensembles."""
     session = page.session
 
     def options() -> dict[str, str]:
         return {stream.label: stream.key for stream in session.catalog.streams}
 
-    widget = pmui.Select(label="Stream", options=options(), value=session.stream, **_sized("stream", {}))
+    widget = menu("stream", "Stream", options(), value=session.stream)
     widget.param.watch(lambda event: session.choose_stream(event.new), "value")
     page.follow("catalog", lambda: widget.param.update(options=options()))
     return widget
 
 
-def ensemble_picker(page: Page) -> pmui.MultiChoice:
-    """Choice of the 2 to 4 mass ranges that are compared."""
+def ensemble_picker(page: Page) -> Viewable:
+    """Choice of the 2 to 4 mass ranges that are compared: buttons, which the keyboard reaches too."""
     session = page.session
 
     def options() -> dict[str, str]:
         stream = session.catalog.stream(session.stream)
         return {choice.label: choice.key for choice in (stream.ensembles if stream else ())}
 
-    widget = pmui.MultiChoice(
-        label=f"Mass ranges of the perturbers ({CLASSES_MIN} to {CLASSES_MAX})",
+    widget = pmui.CheckButtonGroup(
         options=options(),
         value=list(session.mass),
-        sizing_mode=WIDE,
-        max_width=460,
-        styles={"flex": "1 1 300px"},
-        margin=(4, 10),
+        size="small",
+        margin=0,
         css_classes=["sd-mass"],
+        sx={"flexWrap": "wrap", "& button": {"whiteSpace": "nowrap", "width": "auto", "flex": "0 0 auto"}},
     )
 
     def picked(event: param.parameterized.Event) -> None:
@@ -246,7 +249,8 @@ def ensemble_picker(page: Page) -> pmui.MultiChoice:
 
     widget.param.watch(picked, "value")
     page.follow("catalog", lambda: widget.param.update(options=options()))
-    return widget
+    heading = caption(f"Mass ranges of the perturbers ({CLASSES_MIN} to {CLASSES_MAX})")
+    return pn.Column(heading, widget, margin=(4, 10), max_width=620, styles={"flex": "1 1 300px"})
 
 
 def noise_slider(page: Page) -> pmui.FloatSlider:

@@ -129,14 +129,7 @@ class ClassifierPage(Page):
         cells = [(a, b) for a in names for b in names]
         words = [f"{a}, put right" if a == b else f"{a}, taken for {b}" for a, b in cells]
         options = {"the most common mistake": 0} | {word: k + 1 for k, word in enumerate(words)}
-        # The browser's own menu: panel-material-ui's cannot be opened with the keyboard.
-        menu = pn.widgets.Select(
-            name="Streams of the cell",
-            options=options,
-            sizing_mode=ui.WIDE,
-            max_width=340,
-            css_classes=["sd-cell"],
-        )
+        menu = ui.menu("cell", "Streams of the cell", options, width=340)
         return self.bind("cell", menu, to_widget=lambda cell: cell if cell <= len(cells) else 0)
 
     def _make_cards(self) -> None:

@@ -61,8 +61,8 @@ def launch(playwright: Playwright) -> Browser:
 
 
 @contextlib.contextmanager
-def served(cache: Path, *options: str) -> Iterator[str]:
-    """Serve the app from `cache` as a subprocess; gives its address, ends it by its process id."""
+def started(cache: Path, *options: str) -> Iterator[tuple[str, subprocess.Popen]]:
+    """Serve the app from `cache` as a subprocess; gives its address and process, and ends it."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -75,7 +75,7 @@ def served(cache: Path, *options: str) -> Iterator[str]:
     )
     try:
         _wait_until_live(process, f"{address}/liveness")
-        yield address
+        yield address, process
     finally:
         process.send_signal(signal.SIGTERM)
         try:
@@ -83,6 +83,13 @@ def served(cache: Path, *options: str) -> Iterator[str]:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+
+
+@contextlib.contextmanager
+def served(cache: Path, *options: str) -> Iterator[str]:
+    """The address alone of `started`."""
+    with started(cache, *options) as (address, _):
+        yield address
 
 
 def _wait_until_live(process: subprocess.Popen, url: str, seconds: float = 60) -> None:
