@@ -115,8 +115,17 @@ class Shell:
             sentence = "This page failed unexpectedly; the server's log has the details."
         else:
             return
-        self.close()
+        self._abandon()
         self.slots[self.key][:] = [ui.error_state(sentence)]
+
+    def _abandon(self) -> None:
+        """Let go of a page that has failed, perhaps before it had all that its `close` ends."""
+        page, self.page = self.page, None
+        if page is not None:
+            try:
+                page.close()
+            except AttributeError:
+                Page.close(page)
 
     def _say_problems(self) -> None:
         sentences = [*self.session.problems, *self.session.catalog.problems]

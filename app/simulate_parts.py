@@ -46,19 +46,22 @@ def knobs(page: Page) -> Viewable:
     }
     first, *others = groups[SUBHALOS]
     return pn.Column(
-        ui.figure_grid([first, *groups[SAMPLE], title], narrowest=230),
+        _grid([first, *groups[SAMPLE], title]),
         ui.folded(
             f"{SUBHALOS}: more",
-            [ui.figure_grid(others, narrowest=230)],
+            [_grid(others)],
             "knobs-perturbers",
             title_variant="body2",
         ),
-        ui.folded(
-            STREAM, [ui.figure_grid(groups[STREAM], narrowest=230)], "knobs-stream", title_variant="body2"
-        ),
+        ui.folded(STREAM, [_grid(groups[STREAM])], "knobs-stream", title_variant="body2"),
         sizing_mode=ui.WIDE,
         margin=0,
     )
+
+
+def _grid(fields: list[Viewable]) -> Viewable:
+    # Labels stand on the upper edge of their fields, beyond which a folded group shows nothing.
+    return pn.Column(ui.figure_grid(fields, narrowest=230), sizing_mode=ui.WIDE, margin=(10, 0, 0, 0))
 
 
 def _field(page: Page, knob: Knob) -> Viewable:
@@ -87,7 +90,7 @@ class Progress:
             value=0, max=100, width=220, height=12, sizing_mode="fixed", margin=(14, 10), visible=False
         )
         self.numbers = ui.plain_text(
-            "", sizing_mode="fixed", width=330, margin=(8, 10), css_classes=["sd-sim-numbers"]
+            "", sizing_mode=None, width=330, margin=(8, 10), css_classes=["sd-sim-numbers"]
         )
         self.text = LiveText(margin=(4, 10), css_classes=["sd-sim-status"])
         self.problem = pn.Column(sizing_mode=ui.WIDE, margin=0)
@@ -156,8 +159,8 @@ class Others:
             self._numbers[choice.key].object = f"of {choice.config.n_streams} streams · unfinished"
 
     def _row(self, key: str, label: str, config: EnsembleConfig, title: str) -> Viewable:
-        numbers = self._numbers[key] = ui.plain_text("", sizing_mode="fixed", width=330, margin=(8, 10))
-        name = ui.plain_text(label, sizing_mode="fixed", width=330, margin=(8, 10))
+        numbers = self._numbers[key] = ui.plain_text("", sizing_mode=None, width=330, margin=(8, 10))
+        name = ui.plain_text(label, sizing_mode=None, width=330, margin=(8, 10))
         parts: list[Viewable] = [name, numbers]
         if config_of(texts_of(config)) == config:  # others came from the command line with more settings
             parts.append(

@@ -144,6 +144,15 @@ def test_an_empty_cache_can_be_filled_from_the_page(tmp_path):
     assert "Largest impact parameter" in shell.page.progress.problem[0][0].object
 
 
+@pytest.mark.parametrize("key", [page.key for page in PAGES])
+def test_every_page_shows_or_says_what_it_can_do_with_a_single_ensemble(open_own, key):
+    shell = open_own(f"?page={key}")
+    assert len(shell.session.ensembles) == 1
+    if shell.page is None:
+        (refusal,) = shell.slots[key]
+        assert "two mass ranges" in refusal[0].object or "2 to 4 mass ranges" in refusal[0].object
+
+
 # ------------------------------------------------------------------ the job
 
 

@@ -8,14 +8,17 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from streamdash.config import EnsembleConfig, Perturbers
+from streamdash.config import EnsembleConfig, Perturbers, StreamModel
 from streamdash.ensemble import simulate
+from streamdash.geometry import load_geometry
 from streamdash.jobs import Jobs, Limits
 from streamdash.store import Cache
 
@@ -25,6 +28,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SERVER = """
 import sys
 from streamdash.config import EnsembleConfig
+from streamdash.geometry import load_geometry
 from streamdash.jobs import Jobs, Limits
 from streamdash.store import Cache
 jobs = Jobs(Cache.default(sys.argv[1]), Limits(workers=2, nice=0))
@@ -37,7 +41,7 @@ jobs.close()
 
 @pytest.fixture(scope="module")
 def config() -> EnsembleConfig:
-    return EnsembleConfig(perturbers=Perturbers(mass_range="1e5-1e7"), n_streams=330, n_theta=40)
+    return EnsembleConfig(perturbers=Perturbers(mass_range="1e5-1e7"), n_streams=230, n_theta=40)
 
 
 @pytest.fixture(scope="module")
@@ -155,20 +159,23 @@ def test_a_server_that_ends_does_not_wait_for_what_its_workers_were_given(config
     assert entry.n_done < 1000
 
 
-def test_two_servers_and_the_command_line_on_one_cache(
-    config, undisturbed, geometry_cache, toy, server, launch
+def test_two_servers_and_the_command_line_on_one_cache_in_an_odd_place(
+    config, undisturbed, geometry_root, tmp_path, toy, server, launch
 ):
+    root = tmp_path / "Ölüm yıldızı 'İ' \n $HOME"
+    shutil.copytree(geometry_root, root)
+    cache = Cache.default(root)
     command = ["--mass", config.perturbers.label, "--streams", config.n_streams, "--n-theta", config.n_theta]
-    line = [sys.executable, "-m", "streamdash.cli", "simulate", *command, "--workers", 2]
-    both = [server(geometry_cache) for _ in range(2)]
-    one = launch(*line, "--cache", geometry_cache.roots[0])
+    line = [sys.executable, "-m", "streamdash.cli", "simulate", *command, "--workers", 2, "--cache", root]
+    both = [server(cache) for _ in range(2)]
+    one = launch(*line, LC_ALL="C", LANG="tr_TR", TZ="Antarctica/Troll", PYTHONUTF8="0")
     for process in both:
         output, errors = process.communicate(timeout=120)
         assert output.strip() == "done", errors
     output, errors = one.communicate(timeout=120)
-    assert "330 streams of 1e5-1e7" in output, errors
-    assert files(toy, geometry_cache, config) == undisturbed
-    assert [e.state for e in geometry_cache.entries() if e.kind == "ensemble"] == ["complete"]
+    assert one.returncode == 0 and "streams of 1e5-1e7" in output, errors
+    assert files(toy, cache, config) == undisturbed
+    assert [e.state for e in cache.entries() if e.kind == "ensemble"] == ["complete"]
 
 
 @pytest.mark.slow
@@ -210,6 +217,45 @@ def _address(contact: Path) -> str:
     import json
 
     return json.loads(contact.read_text())["address"]
+
+
+@pytest.mark.slow
+def test_a_killed_geometry_goes_on_where_it_was_and_is_computed_once(tmp_path, launch):
+    stream = StreamModel(times_gyr=(0.3, 0.6))
+    cache = Cache.default(tmp_path / "cache")
+    script = """
+import sys
+from streamdash.config import StreamModel
+from streamdash.geometry import load_geometry
+from streamdash.store import Cache
+load_geometry(StreamModel.parse(sys.argv[2]), Cache.default(sys.argv[1]), workers=1)
+"""
+    process = launch(sys.executable, "-c", script, cache.roots[0], stream.model_dump_json())
+    deadline = time.monotonic() + 240
+    while not cache.times_done(stream):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.05)
+    workers = children(process.pid)
+    process.kill()
+    process.wait()
+    assert not cache.busy(stream.key)
+    seen: dict[int, list] = {0: [], 1: []}
+    geometries = {}
+
+    def load(i: int) -> None:
+        report = seen[i].append
+        geometries[i] = load_geometry(stream, cache, 1, lambda done, total: report((done, total)))
+
+    threads = [threading.Thread(target=load, args=(i,)) for i in seen]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(240)
+    assert {done for reports in seen.values() for done, _ in reports} <= {1, 2}
+    assert geometries[0].to_dataset().identical(geometries[1].to_dataset())
+    assert np.isfinite(geometries[0].table_ends).all() and len(geometries[0].table_ends) == 2
+    assert [(e.kind, e.state) for e in cache.entries()] == [("geometry", "complete")]
+    assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()]
 
 
 # ------------------------------------------------------------------ disks
@@ -256,25 +302,3 @@ def test_full_and_read_only_disks_end_a_job_in_a_sentence_and_keep_what_is_finis
     remount(small_disk, "rw,size=5m")
     assert run_here(cache, config).state == "done"
     assert files(toy, cache, config) == undisturbed
-
-
-# ------------------------------------------------------------------ names, languages, clocks
-
-
-def test_odd_folders_languages_and_time_zones_change_no_byte(
-    config, undisturbed, geometry_root, tmp_path, toy, launch
-):
-    root = tmp_path / "Ölüm yıldızı 'İ' \n $HOME"
-    shutil.copytree(geometry_root, root)
-    process = launch(
-        *(sys.executable, "-m", "streamdash.cli", "simulate", "--mass", "1e5-1e7", "--n-theta", 40),
-        *("--streams", 330, "--workers", 2, "--cache", root, "--json"),
-        LC_ALL="C",
-        LANG="tr_TR",
-        TZ="Antarctica/Troll",
-        PYTHONUTF8="0",
-    )
-    output, errors = process.communicate(timeout=120)
-    assert process.returncode == 0, errors
-    assert '"state": "complete"' in output
-    assert files(toy, Cache.default(root), config) == undisturbed
