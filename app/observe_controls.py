@@ -61,7 +61,7 @@ class AssumptionControls:
             "upper": _menu("Upper end of the bins", optional),
             "width": _number("Width (deg, 0: spacing)"),
             "value": _menu("Value", names),
-            "kind": _menu("It is", {words: key for key, words in KINDS.items()}, 300),
+            "kind": _menu("The value is", {words: key for key, words in KINDS.items()}, 300),
             "smooth": _menu("Smooth profile", optional),
             "order": _menu("Divide by polynomial", {"mean (order 0)": "0", **orders, "nothing": "-1"}),
             "error_kind": _menu("Error from", ERRORS),

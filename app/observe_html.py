@@ -11,7 +11,7 @@ import numpy as np
 from streamdash.observation_table import Table, shown
 from streamdash.report_html import result_tables
 
-ROWS_SHOWN = 6
+ROWS_SHOWN = 4
 COLUMNS_SHOWN = 8
 STYLE = """
 :host { overflow-x: auto; font: 15px/1.5 Roboto, sans-serif; }

@@ -112,7 +112,9 @@ def answer(result: dict[str, Any]) -> str:
 
 
 def agreement(result: dict[str, Any]) -> str:
-    """Whether the two methods, classifier and PDF evidence, prefer the same class."""
+    """Whether classifier and PDF evidence prefer the same class; empty where neither counts."""
+    if result["resemblance"]["verdict"] == "unlike":
+        return ""
     best = max(result["classes"], key=lambda c: c["probability"])
     rival = max(result["classes"], key=lambda c: c["ln_bayes"])
     quality = result["quality"]
@@ -147,8 +149,9 @@ def interval(entry: dict[str, Any]) -> str:
 
 
 def strange_share(likeness: dict[str, Any]) -> str:
-    """How many true streams look as strange: ``about 1 in 500``."""
-    return f"about 1 in {round(1 / likeness['p']):,}"
+    """How many true streams look as strange: ``at most about 1 in 330``."""
+    rounded = float(f"{1 / likeness['p']:.2g}")
+    return f"at most about 1 in {rounded:,.0f}"
 
 
 def resemblance_words(result: dict[str, Any]) -> str:

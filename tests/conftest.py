@@ -8,6 +8,7 @@ import shutil
 import signal
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -28,6 +29,9 @@ def _engine_digest() -> str:
 # Run from a script's background, Ctrl-C is ignored and all that tests start would inherit it.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# A machine that is busy with something else is not a failure.
+hypothesis.settings.register_profile("suite", deadline=None)
+hypothesis.settings.load_profile("suite")
 # Before anything imports numba; worker processes and servers started by tests inherit it.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / ".pytest_cache" / "numba" / _engine_digest()))
 # A developer's own cache must not decide what a test sees, nor models of other sources.

@@ -63,9 +63,10 @@ class ObservePage(Page):
         )
         self.read_part = _column(
             self.assumptions.view,
-            ui.figure_grid([self.stated, self.measured], narrowest=420),
-            self.preview,
-            self.controls.view,
+            ui.figure_grid(
+                [pn.Column(self.stated, self.preview, sizing_mode=ui.WIDE, margin=0), self.measured],
+                narrowest=420,
+            ),
         )
         self.answer, self.numbers, self.caveats = _html("sd-answer"), _html("sd-numbers"), _html("sd-caveats")
         self.truth = ui.plain_text("", css_classes=["sd-truth"], styles={"font-size": "17px"})
@@ -93,8 +94,9 @@ class ObservePage(Page):
             ),
             ui.controls(ui.button("Try the example", self._example, css_classes=["sd-example"]), self.status),
             self.problem,
+            self.controls.view,
+            self.result_part,  # above what was read: the answer is where the button was pressed
             self.read_part,
-            self.result_part,
         )
 
     def update(self, changed: frozenset[str]) -> None:
@@ -138,7 +140,7 @@ class ObservePage(Page):
         self.outcome = None
         data = file_of(self.session)
         if data is None:
-            self.read_part.visible = False
+            self.read_part.visible = self.controls.view.visible = False
             return
         changes = changes_of(self.session)
         geometry = self.services.geometry(self.session.ensembles[0].config.stream)
@@ -167,7 +169,7 @@ class ObservePage(Page):
     # ------------------------------------------------------------ result
 
     def _show_task(self, task: Task) -> None:
-        self.controls.show(task, "Done; the answer is below.")
+        self.controls.show(task, "Done.")
         if task.state != "done":
             return
         outcome: Outcome = task.result

@@ -53,7 +53,7 @@ def test_bad_files_get_a_sentence_and_the_connection_stays(tab):
     choose(page, "evil.csv", EXAMPLE.read_bytes().replace(b"density_error", b"<img/src=x/onerror=boom()>"))
     expect(page.locator(".sd-preview")).to_contain_text("<img/src=x/onerror=boom()>", timeout=LONG_MS)
     expect(page.locator(".sd-error-state")).to_have_count(0)
-    menu = page.get_by_label("It is")
+    menu = page.get_by_label("The value is")
     menu.focus()
     page.keyboard.press("Home")
     expect(page.locator(".sd-stated")).to_contain_text("is Qρ", timeout=LONG_MS)

@@ -294,7 +294,7 @@ def told(p: float, first: float, ln_bayes: float = -9.0) -> dict:
         (0.4, 0.9999, "probability more than 99 % (68 % interval more than 99 %)"),
         (0.4, 0.6, "does not decide between the classes"),
         (0.02, 0.93, "Though an unusual profile for any class (p = 0.02), it looks more like"),
-        (0.005, 0.93, "about 1 in 200 look as strange (p = 0.005)"),
+        (0.005, 0.93, "at most about 1 in 200 look as strange (p = 0.005)"),
     ],
 )
 def test_the_sentence_says_no_more_than_the_numbers(p, first, words):
@@ -305,6 +305,7 @@ def test_methods_that_disagree_are_said_to():
     assert "also prefers 10³–10⁵ M☉" in agreement(told(0.4, 0.93))
     assert "The two methods disagree" in agreement(told(0.4, 0.2))
     assert "right for 71 %" in agreement(told(0.4, 0.2))
+    assert agreement(told(0.005, 0.2)) == ""
 
 
 # ------------------------------------------------------------------ parts
