@@ -5,8 +5,6 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.driving import READY
-
 pytestmark = pytest.mark.browser
 FLYBY = "?page=learn&lesson=flyby"
 LONG_MS = 60_000
@@ -26,10 +24,13 @@ def frame(page: Page) -> int:
 
 
 def drawn(page: Page) -> None:
-    """Wait until every figure has been painted: Bokeh complains when one is replaced before."""
-    page.wait_for_function(READY, timeout=LONG_MS)
+    """Wait until every figure that is in sight has been painted."""
     page.wait_for_function(
-        "() => sd.figures().every(f => (sd.view(f)?._render_count ?? 0) > 0)", timeout=LONG_MS
+        """() => {
+          const views = sd.figures().map(sd.view).filter(view => view != null)
+          return views.length > 0 && views.every(view => view._render_count > 0)
+        }""",
+        timeout=LONG_MS,
     )
 
 
