@@ -101,12 +101,13 @@ def test_command_writes_everything(shipped_cache, tmp_path, capsys, results):
     assert json.loads((folder / "results.json").read_text(encoding="utf-8")) == rounded(results)
 
 
-def test_command_draws_the_five_figures(shipped_cache, tmp_path, capsys):
+def test_command_draws_the_figures_of_the_paper_and_its_appendices(shipped_cache, tmp_path, capsys):
     code, _, _ = run(capsys, "--cache", str(shipped_cache), "--no-classifier", "--figures", str(tmp_path))
     assert code == 0
-    for number in range(1, 6):
-        assert (tmp_path / f"figure{number}.png").read_bytes().startswith(b"\x89PNG")
-        svg = (tmp_path / f"figure{number}.svg").read_text(encoding="utf-8")
+    appendices = ["appendixB", *(f"appendixA{number}" for number in range(1, 6))]
+    for name in [*(f"figure{number}" for number in range(1, 6)), *appendices]:
+        assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        svg = (tmp_path / f"{name}.svg").read_text(encoding="utf-8")
         assert svg.rstrip().endswith("</svg>")
         assert len(svg) > 20_000
     assert (tmp_path / "results.json").is_file()
