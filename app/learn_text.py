@@ -155,7 +155,7 @@ Cut the streams into pieces and ask how far a piece’s density is from the smoo
 averages out (dashed), while the ups and downs of the stream remain (lines; bars hold 68 % of the streams). At
 σ_ε = {noise:g} the ups and downs exceed the noise as follows: {words[0]}; {words[1]}.
 
-To see {light} in every single bin of {width:.1f}° takes σ_ε below **{single:.2g}**: about
+To see {light} in single bins of {width:.1f}° takes σ_ε below **{single:.2g}**: about
 **{stars[0]:.0f} stars** per bin{more}. And to see is not yet to know: heavier objects make gaps, too. To tell
 the masses apart takes the whole pattern, which is what the other pages weigh. You can also try it yourself:
 guess the mass.

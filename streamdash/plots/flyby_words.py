@@ -11,6 +11,9 @@ from streamdash.geometry import TABLE_STEP, V0_KMS, Geometry, time_unit_gyr
 from streamdash.plots.style import MASS_UNIT, SUPERSCRIPT
 from streamdash.survey_flyby import Scene, Seen
 
+FLAT = 0.005
+"""Share of missing stars below which there is no gap to speak of."""
+
 
 def film_table(shown: Film) -> pd.DataFrame:
     """All frames as one table."""
@@ -78,6 +81,10 @@ def _star_velocity(geometry: Geometry, flyby: Flyby) -> np.ndarray:
     return table[min(round(flyby.angle(geometry) / TABLE_STEP), len(table) - 1), 3:6] * V0_KMS
 
 
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f}" if share >= 0.1 else f"{100 * share:.2g}"
+
+
 def mass_words(mass: float) -> str:
     """A mass for people, for example ``3.2·10⁷ M☉``."""
     power = int(np.floor(np.log10(mass) + 1e-9))
@@ -95,8 +102,10 @@ def film_sentence(shown: Film, frame: int) -> str:
     lowest = int(np.nanargmin(q))
     when = f"{shown.time_gyr[frame]:.2f} Gyr before today" if shown.time_gyr[frame] > 0 else "Today"
     depth = 1 - float(q[lowest])
-    if depth < 0.005:
-        state = "the density is still that of a stream that nothing has hit: a kick takes time to open a gap."
+    if depth < FLAT:
+        opens = 1 - float(np.nanmin(shown.q_rho[-1])) >= FLAT
+        why = "a kick takes time to open a gap" if opens else "so weak a kick opens no gap that could be seen"
+        state = f"the density is within {100 * FLAT:g} % of that of a stream that nothing has hit: {why}."
     else:
         emptied = np.isfinite(q) & (q < 1 - 0.5 * depth)
         width = float(emptied.sum() * (shown.theta[1] - shown.theta[0]))
@@ -117,7 +126,7 @@ def kick_sentence(geometry: Geometry, scene: Scene, kick: xr.Dataset) -> str:
     return (
         f"Along the stream, stars that move at {speed:.0f} km/s are sped up or slowed down by at most "
         f"{strongest:.2g} km/s. Yet that changes the rate δΩ∥ at which they drift away from the progenitor "
-        f"by up to {turn:.2g} rad/Gyr, {100 * share:.2g} % of the mean drift, and it acts for "
+        f"by up to {turn:.2g} rad/Gyr, {_percent(share)} % of the mean drift, and it acts for "
         f"{geometry.stream.impact_times_gyr[flyby.time_index(geometry)]:.2g} Gyr until today."
     )
 
