@@ -6,6 +6,7 @@ import html
 from collections.abc import Sequence
 
 from app.spectrum_html import STYLE as TABLE_STYLE
+from app.spectrum_html import reachable
 from streamdash.plots.convergence import colour
 from streamdash.spectrum import KINDS
 from streamdash.spectrum_lab import Knob
@@ -42,11 +43,12 @@ def verdicts_html(found: Sequence[Measured], lacking: Sequence[Knob]) -> str:
         f"<tr><th scope='row'>{html.escape(one.title)}</th><td colspan='3'>not simulated yet</td></tr>"
         for one in lacking
     ]
-    return (
+    return reachable(
+        "Verdicts on all tests",
         "<table><thead><tr><th scope='col'>Test</th>"
         "<th scope='col'>Largest shift<small>in half bands</small></th>"
         "<th scope='col'>Verdict</th><th scope='col'>Paper</th></tr></thead>"
-        f"<tbody>{''.join(rows)}</tbody></table>"
+        f"<tbody>{''.join(rows)}</tbody></table>",
     )
 
 
@@ -62,10 +64,11 @@ def shifts_html(one: Measured) -> str:
             f"aria-hidden='true'></span>{html.escape(setting.label)}</th>"
             f"<td class='number'>{spectra.mean_impacts:.0f}</td>{cells}</tr>"
         )
-    return (
+    return reachable(
+        "Shifts of this test",
         "<table><caption>Largest shift of the median, in half bands of the setting compared with</caption>"
         f"<thead><tr><th scope='col'>Setting</th><th scope='col'>Impacts</th>{heads}</tr></thead>"
-        f"<tbody>{''.join(rows)}</tbody></table>"
+        f"<tbody>{''.join(rows)}</tbody></table>",
     )
 
 

@@ -11,7 +11,7 @@ from streamdash.plots.spectrum import statement_text
 from streamdash.spectrum_shown import Shown
 
 STYLE = """
-:host { overflow-x: auto; }
+.wide { overflow-x: auto; }
 table { border-collapse: collapse; font: 14px/1.4 Roboto, sans-serif; width: 100%; }
 caption { text-align: left; padding: 4px 8px; font-weight: 500; }
 th, td { padding: 4px 8px; text-align: left; vertical-align: top; border-top: 1px solid #80808060; }
@@ -32,14 +32,20 @@ def statements_html(shown: Shown, configs: Sequence[EnsembleConfig]) -> str:
             f"<td>{_found(s.clean_from, s.clean_true)}</td>"
             f"<td>{_found(s.observed_from, s.observed_true)}</td></tr>"
         )
-    return (
+    return reachable(
+        "The paper’s statements",
         f"<table><caption>The paper’s statements, tested at σ_ε = {shown.sigma:g}</caption>"
         "<thead><tr><th scope='col'>Statement</th><th scope='col'>Paper</th>"
         "<th scope='col'>Without noise<small>as the paper’s figure: median against the noise’s</small></th>"
         "<th scope='col'>As observed<small>noise included: its median against the noise’s band</small></th>"
         "</tr></thead>"
-        f"<tbody>{''.join(rows)}</tbody></table>"
+        f"<tbody>{''.join(rows)}</tbody></table>",
     )
+
+
+def reachable(name: str, table: str) -> str:
+    """A table in a frame that scrolls sideways where it is too wide, by keyboard too; see `STYLE`."""
+    return f"<div class='wide' tabindex='0' role='region' aria-label='{html.escape(name)}'>{table}</div>"
 
 
 def _found(scale: float, true: bool) -> str:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 
-from app.classifier_html import STYLE
+from app.classifier_html import STYLE as TABLE_STYLE
+from app.spectrum_html import reachable
 from streamdash.plots.evidence import words
 from streamdash.reproduce_statistics import Kept, ln_b_text
 
-__all__ = ["STYLE", "statistics_html"]
+STYLE = TABLE_STYLE.replace(":host {", ".wide {")
 
 
 def statistics_html(rows: Sequence[Kept]) -> str:
@@ -28,11 +29,12 @@ def statistics_html(rows: Sequence[Kept]) -> str:
         cells += [_ln_b(row, pair) for pair in pairs]
         body = "".join(f"<td>{cell}</td>" for cell in cells)
         lines.append(f"<tr><th scope='row'>{html.escape(row.name)}</th>{body}</tr>")
-    return (
+    return reachable(
+        "Comparison of statistics",
         f"<table><caption>One classifier, one split, {len(rows[0].judged.y)} held-out streams</caption>"
         "<thead><tr><th scope='col'></th><th scope='col'>Features</th><th scope='col'>Accuracy</th>"
         f"<th scope='col'>Information<small>bits per stream</small></th>{heads}</tr></thead>"
-        f"<tbody>{''.join(lines)}</tbody></table>"
+        f"<tbody>{''.join(lines)}</tbody></table>",
     )
 
 
