@@ -25,7 +25,7 @@ from streamdash.jobs_status import JobStatus, Pace
 from streamdash.store import Cache, StoreError
 from streamdash.store_keep import make_room, mark_used, room_for
 from streamdash.store_title import check_title
-from streamdash.workers import WorkerError, cluster
+from streamdash.workers import WorkerError, cluster, is_ending
 
 __all__ = ["JobStatus", "Jobs", "Limits", "Refused"]
 
@@ -275,7 +275,7 @@ class Jobs:
                 with self._workers():
                     self._attempt(job)
             except WorkerError as error:
-                if self._progress(config) == before or job.stop.is_set():
+                if self._progress(config) == before or job.stop.is_set() or is_ending():
                     raise
                 log.warning("job %s goes on after: %s", config.key, error)
             else:

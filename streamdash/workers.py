@@ -77,6 +77,11 @@ def results(
                 found.close()
 
 
+def is_ending() -> bool:
+    """Whether this process is about to end, so that new workers would be of no use."""
+    return _ending.is_set()
+
+
 @lru_cache(maxsize=1)
 def _end_workers_at_exit() -> None:
     """Have a process that ends kill its workers, instead of waiting for all they have been given.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from typing import Any
 
 import pandas as pd
@@ -23,6 +25,8 @@ from streamdash.plots.live import LiveFigure, export
 from streamdash.survey_bands import Panel
 
 LOOK_MS = 300
+REDRAW_S = 1.0
+"""Curves are drawn no more often than this while streams are finished, for the sake of other pages."""
 INKED = (profiles.MEDIAN, profiles.SMOOTH)
 LEGEND = (
     ("image", "finished streams"),
@@ -47,6 +51,7 @@ class SimulatePage(Page):
         self.live: LiveFigure | None = None
         self._asked: tuple = ()
         self._waiting = self._closed = False
+        self._drawn = -math.inf
         self._timer: Any = None
         self.later = Later(self.services, self._show_outlook, self._fail)
         self.progress = Progress(self.start, self.cancel, self.see_profiles)
@@ -129,8 +134,10 @@ class SimulatePage(Page):
         status = self._status()
         if status is not None:
             self.progress.show(status, self.session.visitor)
-            if self._asked != (status.key, status.done, status.active) and not self._waiting:
-                self._ask((status.key, status.done, status.active))
+            news = (status.key, status.done, status.active)
+            rested = not status.active or time.monotonic() - self._drawn > REDRAW_S
+            if self._asked != news and not self._waiting and rested:
+                self._ask(news)
         self.progress.see.visible = self._complete_key() is not None
 
     def _look_on(self) -> None:
@@ -178,6 +185,7 @@ class SimulatePage(Page):
 
     def _show_outlook(self, outlook: Outlook) -> None:
         self._waiting = False
+        self._drawn = time.monotonic()
         self.outlook = outlook
         status = self._status()
         if status is None or status.state == "done":
