@@ -190,7 +190,8 @@ class SimulatePage(Page):
         status = self._status()
         if status is None or status.state == "done":
             can = outlook.covering is None
-            self.progress.announce(words_before(outlook, n_workers(self.services)), can, outlook.n_done > 0)
+            resume = can and outlook.n_done > 0
+            self.progress.announce(words_before(outlook, n_workers(self.services)), can, resume)
         self._draw(outlook)
         self.look()
 
