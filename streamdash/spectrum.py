@@ -15,6 +15,7 @@ Qρ = ρ/ρ̄ is the fluctuation of the density, ⟨ΔΩ∥⟩/⟨ΔΩ∥⁰⟩ 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
@@ -152,13 +153,20 @@ class NoisySpectra:
 
     def band(self, kind: str, sigma: float) -> SpectrumBand:
         """Median and band over streams of one of `KINDS` at a level of shot noise."""
-        if kind == "density":
-            power = self.power(sigma)
-        elif kind == "track":
-            power = self.track
-        else:
-            power = np.abs(self.cross + np.float32(sigma) * self.cross_noise)
-        return _sorted_band(self.scale, power)
+        if kind == "track":
+            return self._track_band
+        if kind == "cross":
+            return _sorted_band(self.scale, np.abs(self.cross + np.float32(sigma) * self.cross_noise))
+        return _sorted_band(self.scale, self.power(sigma))
+
+    @cached_property
+    def clean_band(self) -> SpectrumBand:
+        """Median and band of the density without noise."""
+        return self.band("density", 0.0)
+
+    @cached_property
+    def _track_band(self) -> SpectrumBand:
+        return _sorted_band(self.scale, self.track)
 
 
 def noisy_spectra(q: np.ndarray, draws: np.ndarray, track: np.ndarray, step: float) -> NoisySpectra:

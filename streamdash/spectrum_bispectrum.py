@@ -52,7 +52,9 @@ def rao_gabr_window(size: int = WINDOW_SIZE) -> np.ndarray:
     return weights / weights.sum()
 
 
-def bispectrum_slice(q: np.ndarray, index: int, size: int = WINDOW_SIZE) -> np.ndarray:
+def bispectrum_slice(
+    q: np.ndarray, index: int, size: int = WINDOW_SIZE, highest: int | None = None
+) -> np.ndarray:
     """B(k₁, k₂) of every stream for one k₁, smoothed.
 
     Parameters
@@ -60,22 +62,23 @@ def bispectrum_slice(q: np.ndarray, index: int, size: int = WINDOW_SIZE) -> np.n
     q : (n_streams, n) array
     index : k₁ in cycles per length of the stream.
     size : width of the smoothing window; 1 for none.
+    highest : largest k₂ in cycles per length of the stream; n // 2 by default.
 
     Returns
     -------
-    (n_streams, n // 2) complex array
-        At k₂ = 1 … n // 2 cycles per length.
+    (n_streams, highest) complex array
+        At k₂ = 1 … highest cycles per length; of the precision of `q`.
     """
     q = np.atleast_2d(q)
     n = q.shape[1]
     transform = np.fft.fft(q - q.mean(axis=1, keepdims=True), axis=1) / n
-    second = np.arange(1, n // 2 + 1)
+    second = np.arange(1, min(highest or n, n // 2) + 1)
     weights = rao_gabr_window(size)
     half = size // 2
-    result = np.zeros((len(q), len(second)), dtype=complex)
+    result = np.zeros((len(q), len(second)), dtype=transform.dtype)
     for a in range(-half, half + 1):
         for b in range(-half, half + 1):
-            weight = weights[a + half, b + half]
+            weight = float(weights[a + half, b + half])
             if weight != 0.0:
                 k1, k2 = index + a, second + b
                 # Negative and high wavenumbers are where the discrete transform has them: modulo n.
@@ -96,12 +99,12 @@ def bispectrum(q: np.ndarray, step: float, scale_1: float = SCALE_1) -> Bispectr
     """
     length = q.shape[1] * step
     index = max(1, round(length / scale_1))
-    values = bispectrum_slice(q, index)
-    k = np.arange(1, values.shape[1] + 1) / length
-    kept = scales_kept(k)
+    k = np.arange(1, q.shape[1] // 2 + 1) / length
+    k = k[scales_kept(k)]
+    values = bispectrum_slice(q, index, highest=len(k))
 
     def band(part: np.ndarray) -> SpectrumBand:
-        low, median, high = np.quantile(np.abs(part[:, kept]), BAND, axis=0)
-        return SpectrumBand(1.0 / k[kept], low, median, high, len(part))
+        low, median, high = np.quantile(np.abs(part), BAND, axis=0)
+        return SpectrumBand(1.0 / k, low, median, high, len(part))
 
     return Bispectrum(length / index, band(values.real), band(values.imag))

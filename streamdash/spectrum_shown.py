@@ -82,7 +82,7 @@ def show(spectra: Sequence[NoisySpectra], unit_noise: SpectrumBand, sigma: float
         sigma * unit_noise.high,
         unit_noise.n_streams,
     )
-    clean = tuple(s.band("density", 0.0) for s in spectra)
+    clean = tuple(s.clean_band for s in spectra)
     bands = {kind: tuple(s.band(kind, sigma) for s in spectra) for kind in KINDS}
     return Shown(sigma, noise, clean, bands, check_statements(clean, bands["density"], noise))
 
