@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
@@ -159,11 +159,12 @@ def _simulate(
     # After Ctrl-C, Python's resource tracker would warn about semaphores of the workers that were ended.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
     start = time.perf_counter()
+    asked = threading.Event()
     try:
         with (
             _dask_client(executor, scheduler),
             progress_bar() as titled,
-            _ctrl_c() as asked,
+            _when_interrupted(asked.set),
             wrong_input(),
         ):
             simulate(
@@ -176,7 +177,10 @@ def _simulate(
                 geometry_progress=titled("Geometry of the stream"),
             )
     except WorkerError as error:
-        raise InputError(str(error)) from error
+        if not asked.is_set():  # else a worker that Ctrl-C reached all the same
+            raise InputError(str(error)) from error
+        _say_interrupted(config, cache)
+        raise typer.Exit(130) from None
     except (KeyboardInterrupt, Stopped):
         _say_interrupted(config, cache)
         raise typer.Exit(130) from None
@@ -201,22 +205,21 @@ def _simulate(
 
 
 @contextlib.contextmanager
-def _ctrl_c() -> Iterator[threading.Event]:
-    """An event that the first Ctrl-C sets; a second one interrupts at once.
+def _when_interrupted(ask: Callable[[], None]) -> Iterator[None]:
+    """Have the first Ctrl-C call `ask`; a second one interrupts at once.
 
     An exception raised by a signal can come up where Python swallows it, as in a weak reference's
     callback; and a chunk that is nearly finished is worth waiting for.
     """
-    asked = threading.Event()
 
     def stop(*_: object) -> None:
-        asked.set()
+        ask()
         signal.signal(signal.SIGINT, signal.default_int_handler)
         messages.print("Stopping after the chunks that are being computed; Ctrl-C again stops at once.")
 
     before = signal.signal(signal.SIGINT, stop)
     try:
-        yield asked
+        yield
     finally:
         signal.signal(signal.SIGINT, before)
 

@@ -131,6 +131,8 @@ def _settle(parent: int, nice: int) -> None:
 
     if os.getppid() == parent:  # not so in the parent itself, which is its own only worker
         threading.Thread(target=watch, daemon=True).start()
+        with contextlib.suppress(ValueError):  # not the main thread
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # for workers that loky replaced later
         with contextlib.suppress(AttributeError, OSError):
             os.setpriority(os.PRIO_PROCESS, 0, nice)
 

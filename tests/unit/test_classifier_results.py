@@ -67,7 +67,7 @@ def test_reproduce_prints_table_2_and_the_matrices(geometry_cache, tmp_path, cap
     assert not end.value.code
     found = json.loads((tmp_path / "classifier.json").read_text(encoding="utf-8"))
     text = (tmp_path / "table2.md").read_text(encoding="utf-8")
-    assert out.endswith(text)
+    assert text in out
     assert found["three"]["labels"] == ["1e3-1e5", "1e5-1e7", "1e7-1e9"]
     assert found["two"]["methods"]["best"]["values"]["overall_accuracy"] > 0.8
     for n_classes, streams in ((2, 20), (3, 30)):

@@ -302,7 +302,7 @@ def test_ctrl_c_says_what_is_kept_and_how_to_resume(config, geometry_cache, star
     wait_for_chunks(geometry_cache, many.key, CHUNK, process)
     os.killpg(process.pid, signal.SIGINT)
     output, errors = process.communicate(timeout=30)
-    assert process.returncode == 130
+    assert process.returncode == 130, errors
     assert output == ""
     done = geometry_cache.find(many.key).n_done
     assert 0 < done < 3000
