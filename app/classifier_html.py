@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 
+from app.layout import reachable
 from streamdash.classifier import Judged
 from streamdash.classifier_model import paper_scores
 from streamdash.classifier_studies import Contender
@@ -13,7 +14,7 @@ from streamdash.plots.classifier_studies import comparison_table
 from streamdash.plots.style import class_colour
 
 STYLE = """
-:host { overflow-x: auto; }
+.wide { overflow-x: auto; }
 table { border-collapse: collapse; font: 14px/1.4 Roboto, sans-serif; width: 100%; }
 caption { text-align: left; padding: 4px 8px; font-weight: 500; }
 th, td { padding: 5px 8px; text-align: right; vertical-align: top; white-space: nowrap; }
@@ -43,9 +44,10 @@ def scores_html(judged: Judged) -> str:
     head = "".join(f"<th scope='col'>{html.escape(words)}</th>" for words in METRICS.values())
     overall = f"{values['overall_accuracy']:.3f} ± {errors['overall_accuracy']:.3f}"
     note = f", paper {paper['overall_accuracy']:.2f}" if "overall_accuracy" in paper else ""
-    return (
+    return reachable(
+        "Scores",
         f"<table><caption>Accuracy over all classes: {overall}{note}</caption>"
-        f"<thead><tr><th scope='col'></th>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+        f"<thead><tr><th scope='col'></th>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>",
     )
 
 
@@ -65,7 +67,8 @@ def comparison_html(contenders: Sequence[Contender], labels: Sequence[str]) -> s
         body = "".join(f"<td>{cell}</td>" for cell in cells)
         rows.append(f"<tr><th scope='row'>{html.escape(str(record['name']))}</th>{body}</tr>")
     head = "".join(f"<th scope='col'>{html.escape(words)}</th>" for words in heads)
-    return (
+    return reachable(
+        "Classifiers compared",
         "<table><caption>Same streams, same split; the last columns are recalls</caption>"
-        f"<thead><tr><th scope='col'></th>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+        f"<thead><tr><th scope='col'></th>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>",
     )

@@ -5,8 +5,8 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 
+from app.layout import reachable
 from app.spectrum_html import STYLE as TABLE_STYLE
-from app.spectrum_html import reachable
 from streamdash.plots.convergence import colour
 from streamdash.spectrum import KINDS
 from streamdash.spectrum_lab import Knob

@@ -6,6 +6,7 @@ import html
 from collections.abc import Sequence
 from typing import Any
 
+from app.layout import reachable
 from streamdash.config import EnsembleConfig
 from streamdash.evidence_table import paper_value
 from streamdash.plots.cumulative import row
@@ -13,7 +14,7 @@ from streamdash.plots.evidence import words
 from streamdash.plots.style import class_colour, mass_text
 
 STYLE = """
-:host { overflow-x: auto; }
+.wide { overflow-x: auto; }
 table { border-collapse: collapse; font: 14px/1.4 Roboto, sans-serif; width: 100%; }
 caption { text-align: left; padding: 4px 8px; font-weight: 500; }
 th, td { padding: 4px 8px; text-align: right; vertical-align: top; white-space: nowrap; }
@@ -53,10 +54,11 @@ def evidence_table(
     for i in fiducials:
         for pair in (p for p in tables[0]["pairs"] if p["i"] == i):
             bodies.append(_body(tables, configs, i, pair["j"], paper))
-    return (
+    return reachable(
+        "Cumulative evidence",
         f"<table class='{'waiting' if waiting else 'ready'}' aria-busy='{str(waiting).lower()}'>"
         "<caption>Cumulative ln B, by number of bins of Qρ</caption>"
-        f"<thead><tr><th scope='row'>N_bin</th>{head}</tr></thead>{''.join(bodies)}</table>"
+        f"<thead><tr><th scope='row'>N_bin</th>{head}</tr></thead>{''.join(bodies)}</table>",
     )
 
 

@@ -38,6 +38,11 @@ def plain_text(text: str, **params: Any) -> pn.pane.HTML:
     return pn.pane.HTML(html.escape(text), **{"sizing_mode": WIDE, **params})
 
 
+def reachable(name: str, table: str) -> str:
+    """A table in a frame of class ``wide`` that scrolls sideways where it must, by keyboard too."""
+    return f"<div class='wide' tabindex='0' role='region' aria-label='{html.escape(name)}'>{table}</div>"
+
+
 def controls(*widgets: Viewable) -> Viewable:
     """A page's controls: side by side where there is room, below one another on a phone."""
     return pn.FlexBox(

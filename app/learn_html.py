@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from app.layout import reachable
+
 SCORE_STYLE = """
-.scroll { overflow-x: auto; }
+.wide { overflow-x: auto; }
 table { border-collapse: collapse; font: 14px/1.5 Roboto, sans-serif; }
 th, td { padding: 2px 8px; text-align: center; border-bottom: 1px solid #80808060; }
 th[scope=row] { text-align: left; font-weight: 500; }
@@ -37,9 +39,10 @@ def score_table(
         f"<th scope='col'{' class=now' if i == number else ''}>{i}</th>" for i in range(1, rounds + 1)
     )
     rows = _row("You", truths, mine, rounds) + _row("Classifier", truths, machine, rounds)
-    return (
-        f"<div class='scroll'><table><thead><tr><th scope='col'>Round</th>{heads}"
-        f"<th scope='col'>Score</th></tr></thead><tbody>{rows}</tbody></table></div>"
+    return reachable(
+        "Scores of both",
+        f"<table><thead><tr><th scope='col'>Round</th>{heads}"
+        f"<th scope='col'>Score</th></tr></thead><tbody>{rows}</tbody></table>",
     )
 
 

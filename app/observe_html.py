@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from app.layout import reachable
 from streamdash.observation_table import Table, shown
 from streamdash.report_html import result_tables
 
 ROWS_SHOWN = 4
 COLUMNS_SHOWN = 8
 STYLE = """
-:host { overflow-x: auto; font: 15px/1.5 Roboto, sans-serif; }
+.wide { overflow-x: auto; }
+:host { font: 15px/1.5 Roboto, sans-serif; }
 h2 { font-size: 17px; font-weight: 500; margin: 16px 0 4px; }
 p { margin: 4px 0; max-width: 110ch; }
 ul { margin: 4px 0; padding-left: 22px; max-width: 110ch; }
@@ -42,7 +44,7 @@ def answer_html(result: dict[str, Any]) -> str:
 
 def numbers_html(result: dict[str, Any]) -> str:
     """Resemblance, probabilities with evidence, and the held-out matrix."""
-    return result_tables(result)
+    return reachable("Numbers of the answer", result_tables(result))
 
 
 def preview_html(table: Table) -> str:
@@ -55,9 +57,10 @@ def preview_html(table: Table) -> str:
         for line, row in zip(table.lines[:ROWS_SHOWN], table.values, strict=False)
     )
     rest = f"{table.n_rows} rows" + (f", {more} more columns" if more > 0 else "")
+    table_html = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
     return (
-        f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
-        f"<p>{rest}; the first {min(ROWS_SHOWN, table.n_rows)} are shown.</p>"
+        reachable("First rows of the file", table_html)
+        + f"<p>{rest}; the first {min(ROWS_SHOWN, table.n_rows)} are shown.</p>"
     )
 
 

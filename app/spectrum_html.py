@@ -6,6 +6,7 @@ import html
 import math
 from collections.abc import Sequence
 
+from app.layout import reachable
 from streamdash.config import EnsembleConfig
 from streamdash.plots.spectrum import statement_text
 from streamdash.spectrum_shown import Shown
@@ -41,11 +42,6 @@ def statements_html(shown: Shown, configs: Sequence[EnsembleConfig]) -> str:
         "</tr></thead>"
         f"<tbody>{''.join(rows)}</tbody></table>",
     )
-
-
-def reachable(name: str, table: str) -> str:
-    """A table in a frame that scrolls sideways where it is too wide, by keyboard too; see `STYLE`."""
-    return f"<div class='wide' tabindex='0' role='region' aria-label='{html.escape(name)}'>{table}</div>"
 
 
 def _found(scale: float, true: bool) -> str:

@@ -6,7 +6,7 @@ import html
 from collections.abc import Sequence
 
 from app.classifier_html import STYLE as TABLE_STYLE
-from app.spectrum_html import reachable
+from app.layout import reachable
 from streamdash.plots.evidence import words
 from streamdash.reproduce_statistics import Kept, ln_b_text
 

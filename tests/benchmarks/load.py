@@ -32,6 +32,14 @@ GIVEN_UP_S = 10.0
 WARM = 60
 
 
+READY = {
+    "kind": "MessageSent",
+    "msg_type": "bokeh_event",
+    "msg_data": {"type": "event", "name": "document_ready", "values": {"type": "map"}},
+}
+"""What a browser says once it has drawn the page; until then the server sends no changes."""
+
+
 class Visitor:
     """One session: its WebSocket, and the id of the slider's model."""
 
@@ -48,6 +56,7 @@ class Visitor:
         await connection.read_message(), await connection.read_message(), await connection.read_message()
         await _send(connection, "PULL-DOC-REQ", {})
         document = (await _receive(connection, "PULL-DOC-REPLY"))[0]
+        await _send(connection, "PATCH-DOC", {"events": [READY]})
         return cls(connection, _slider(document))
 
     async def move(self, value: float) -> float:
