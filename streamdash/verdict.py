@@ -8,12 +8,12 @@ that is said about reliability is measured on streams observed in the same way a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from streamdash.classifier import Judged, boost, train
+from streamdash.classifier import Judged, Progress, ShouldStop, boost, train
 from streamdash.classifier_data import (
     Cancelled,
     ClassifierError,
@@ -41,9 +41,6 @@ N_DRAWS = 50
 """Times the stream behind the profile is observed anew; the spread is the other part."""
 BAND = (0.16, 0.84)
 """Ends of the interval that is quoted for a probability (68 %)."""
-
-Progress = Callable[[int, int], None]
-ShouldStop = Callable[[], bool]
 
 
 @dataclass(frozen=True, eq=False)

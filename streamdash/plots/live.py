@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 import holoviews as hv
 import numpy as np
-from bokeh.models import ColumnDataSource
 from numpy.typing import ArrayLike
 
 from streamdash.plots.style import INK
@@ -62,7 +61,7 @@ class LiveFigure:
         parts = list(plot.subplots.values()) if getattr(plot, "subplots", None) else [plot]
         self.figure = plot.state
         self.figure.toolbar.logo = None
-        self.sources: dict[str, ColumnDataSource] = {}
+        self.sources: dict[str, Any] = {}
         self._inked = []
         for part in parts:
             label = part.hmap.last.label

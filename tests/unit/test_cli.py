@@ -11,33 +11,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
 from streamdash import survey
-from streamdash.cli import app
 from streamdash.cli_stream import COLUMNS
 from streamdash.config import EnsembleConfig, Perturbers, StreamModel
 from streamdash.density import perturbed_stream
 from streamdash.geometry import load_geometry
 from streamdash.impacts import Impacts, expected_impacts, sample_impacts
+from tests.unit.commands import refused, run
 
 SIMULATE = ["simulate", "--mass", "1e5-1e7", "--streams", "60", "--n-theta", "30", "--executor", "inline"]
-
-
-def run(*arguments: str | Path, exit_code: int = 0):
-    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
-    assert result.exit_code == exit_code, (result.output, result.exception)
-    return result
-
-
-def refused(*arguments: str | Path) -> str:
-    """The one sentence with which a command refuses."""
-    result = run(*arguments, exit_code=2)
-    assert result.stdout == ""
-    sentence = result.stderr.strip()
-    assert sentence.startswith("Error: ")
-    assert "\n" not in sentence
-    return sentence
 
 
 def contents(folder: Path) -> dict[str, int]:

@@ -4,35 +4,17 @@ from __future__ import annotations
 
 import html
 import json
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from streamdash.cli import app
 from streamdash.observation import read_observation
 from streamdash.report import report
 from streamdash.store import Cache
 from streamdash.survey_mock import EXAMPLE, EXAMPLE_TRUTH
 from streamdash.verdict import judge, prepare
-
-
-def run(*arguments: str | Path, exit_code: int = 0):
-    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
-    assert result.exit_code == exit_code, (result.output, result.exception)
-    return result
-
-
-def refused(*arguments: str | Path) -> str:
-    """The one sentence with which a command refuses."""
-    result = run(*arguments, exit_code=2)
-    assert result.stdout == ""
-    sentence = result.stderr.strip()
-    assert sentence.startswith("Error: ")
-    assert "\n" not in sentence
-    return sentence
+from tests.unit.commands import refused, run
 
 
 def test_the_command_gives_the_numbers_of_the_library(small_cache, tmp_path, geometry):
