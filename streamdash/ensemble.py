@@ -3,13 +3,14 @@
 Stream *i* has a random generator of its own, seeded by the ensemble's seed, the stream model, the
 perturbers and *i*: its impacts depend neither on the chunk it is computed in, nor on who computes
 it, nor on how many streams are asked for. The chunks that exist in the cache are the progress; what
-is missing is computed, in any order, and written by this process alone.
+is missing is computed, a part of a chunk at a time and in any order, and written by this process alone.
 """
 
 from __future__ import annotations
 
 import contextlib
 import time
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -32,6 +33,8 @@ Progress = Callable[[int, int], None]
 """Called with how many are done, and how many there are."""
 
 BUSY_POLL_S = 0.5
+PART = 10
+"""Streams that a worker computes at a time: all workers share the first chunk, which somebody awaits."""
 TIMING_S = 2.0
 """An estimate of the cost times streams for about this long."""
 
@@ -51,10 +54,12 @@ class Stopped(Exception):
 
 
 @dataclass(frozen=True)
-class Chunk:
-    """Consecutive streams: ``density`` and ``omega`` (n, n_theta), ``n_impacts`` (n,)."""
+class Part:
+    """Consecutive streams of chunk `index`, from number `start`: ``density`` and ``omega``
+    (n, n_theta), ``n_impacts`` (n,), core seconds."""
 
     index: int
+    start: int
     density: np.ndarray
     omega: np.ndarray
     n_impacts: np.ndarray
@@ -95,7 +100,7 @@ def simulate(
     progress : callable, optional
         Called with streams finished and asked for, once at first and after every chunk.
     should_stop : callable, optional
-        Asked after every chunk; True ends the simulation with `Stopped`.
+        Asked after every few streams; True ends the simulation with `Stopped`.
     geometry_progress : callable, optional
         Called with impact times finished and all, when the stream's geometry must be computed.
     nice : int
@@ -147,11 +152,16 @@ def complete(
     geometry = load_geometry(config.stream, cache, workers, geometry_report, executor, nice)
     with _begin(cache, config, background(geometry, config), progress, stop, title) as writer:
         _report(writer, progress, stop)
-        pieces = [(config, index, cache) for index in writer.missing()]
-        with contextlib.closing(results(compute_chunk, pieces, executor, workers, nice)) as chunks:
-            for chunk in chunks:
-                writer.write(chunk.index, chunk.density, chunk.omega, chunk.n_impacts, chunk.cost_s)
-                _report(writer, progress, stop)
+        pieces = [(config, i, part, cache) for i in writer.missing() for part in _parts(config, i)]
+        gathered: dict[int, list[Part]] = defaultdict(list)
+        with contextlib.closing(results(compute_part, pieces, executor, workers, nice)) as parts:
+            for part in parts:
+                gathered[part.index].append(part)
+                if len(gathered[part.index]) == len(_parts(config, part.index)):
+                    _write(writer, gathered.pop(part.index))
+                    _report(writer, progress, stop)
+                elif stop():
+                    raise Stopped(writer.n_done, config.n_streams)
 
 
 def estimate(config: EnsembleConfig, geometry: Geometry) -> Estimate:
@@ -212,13 +222,27 @@ def compute_stream(geometry: Geometry, config: EnsembleConfig, i: int) -> tuple[
     return density, omega, len(impacts)
 
 
-def compute_chunk(config: EnsembleConfig, index: int, cache: Cache) -> Chunk:
-    """Compute chunk `index`; what a worker process runs."""
+def compute_part(config: EnsembleConfig, index: int, numbers: range, cache: Cache) -> Part:
+    """Compute some streams of chunk `index`; what a worker process runs."""
     geometry = _geometry(config.stream, cache)
-    start = time.perf_counter()
-    streams = [compute_stream(geometry, config, i) for i in chunk_streams(config, index)]
-    density, omega, n_impacts = (np.array(part) for part in zip(*streams, strict=True))
-    return Chunk(index, density, omega, n_impacts, time.perf_counter() - start)
+    start = time.thread_time()  # not the clock's: workers may have to share cores
+    streams = [compute_stream(geometry, config, i) for i in numbers]
+    density, omega, n_impacts = (np.array(column) for column in zip(*streams, strict=True))
+    return Part(index, numbers.start, density, omega, n_impacts, time.thread_time() - start)
+
+
+def _parts(config: EnsembleConfig, index: int) -> list[range]:
+    streams = chunk_streams(config, index)
+    return [streams[i : i + PART] for i in range(0, len(streams), PART)]
+
+
+def _write(writer: Writer, parts: list[Part]) -> None:
+    """Put a whole chunk into the cache."""
+    parts = sorted(parts, key=lambda part: part.start)
+    density, omega, n_impacts = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("density", "omega", "n_impacts")
+    )
+    writer.write(parts[0].index, density, omega, n_impacts, sum(part.cost_s for part in parts))
 
 
 @lru_cache(maxsize=2)

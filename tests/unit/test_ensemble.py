@@ -125,7 +125,7 @@ def test_unusable_executors_are_refused(config, geometry_cache, executor, worker
 
 def test_a_worker_without_the_geometry_says_so(config, tmp_path):
     with pytest.raises(WorkerError, match="all workers must see the same cache folder"):
-        ensemble.compute_chunk(config, 0, Cache.default(tmp_path / "elsewhere"))
+        ensemble.compute_part(config, 0, range(10), Cache.default(tmp_path / "elsewhere"))
 
 
 def test_what_is_complete_in_a_read_only_cache_is_opened(config, undisturbed, geometry_cache, tmp_path):
@@ -152,14 +152,16 @@ def test_progress_is_reported_from_none_to_all(config, geometry_cache):
 def test_a_stopped_simulation_keeps_its_chunks_and_resumes(
     config, undisturbed, geometry_cache, toy, executor
 ):
-    asked = []
-
-    def stop_after_one_chunk() -> bool:
-        asked.append(True)
-        return len(asked) == 2
-
+    reported = []
     with pytest.raises(Stopped, match="of 130 streams finished") as stopped:
-        simulate(config, executor, 2, geometry_cache, should_stop=stop_after_one_chunk)
+        simulate(
+            config,
+            executor,
+            2,
+            geometry_cache,
+            progress=lambda done, _: reported.append(done),
+            should_stop=lambda: reported[-1] > 0,
+        )
     entry = geometry_cache.find(config.key)
     assert (entry.state, entry.n_done) == ("partial", stopped.value.done)
     assert 0 < entry.n_done < 130
@@ -167,6 +169,18 @@ def test_a_stopped_simulation_keeps_its_chunks_and_resumes(
     simulate(config, executor, 2, geometry_cache, progress=lambda *numbers: seen.append(numbers))
     assert seen[0] == (entry.n_done, 130)
     assert files(toy, geometry_cache, config) == undisturbed[1]
+
+
+def test_whether_to_stop_is_asked_within_a_chunk(config, geometry_cache):
+    asked = []
+
+    def stop() -> bool:
+        asked.append(True)
+        return len(asked) == 3
+
+    with pytest.raises(Stopped) as stopped:
+        simulate(config, "inline", cache=geometry_cache, should_stop=stop)
+    assert (stopped.value.done, geometry_cache.streams_done(config)) == (0, 0)
 
 
 def test_an_interrupt_from_the_keyboard_keeps_chunks_and_frees_the_entry(
@@ -219,7 +233,7 @@ def test_who_waits_for_another_sees_its_progress_and_can_stop(config, geometry_c
     geometry = load_geometry(config.stream, geometry_cache)
     seen = []
     with geometry_cache.begin(config, ensemble.background(geometry, config)) as writer:
-        chunk = ensemble.compute_chunk(config, 1, geometry_cache)
+        chunk = ensemble.compute_part(config, 1, range(50, 100), geometry_cache)
         writer.write(1, chunk.density, chunk.omega, chunk.n_impacts, chunk.cost_s)
         with pytest.raises(Stopped):
             simulate(
