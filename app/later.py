@@ -47,10 +47,10 @@ class Later:
         self._future: Future | None = None
         self._timer: Any = None
 
-    def ask(self, compute: Callable[[], Any]) -> None:
+    def ask(self, compute: Callable[[], Any], rest_s: float = REST_S) -> None:
         """Show ``compute()`` when it is there, unless something newer is asked for by then."""
         self._wanted, self._future = compute, None
-        self._due = time.monotonic() + REST_S
+        self._due = time.monotonic() + rest_s
         if pn.state.curdoc is None:  # outside a server there is no event loop to keep free
             self._finish(_settled(compute))
         else:

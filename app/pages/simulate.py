@@ -13,7 +13,7 @@ from panel.viewable import Viewable
 from app import ui
 from app.catalog import CLASSES_MAX
 from app.knobs import BY_NAME, config_of, texts_of
-from app.later import Later
+from app.later import REST_S, Later
 from app.outlook import Outlook, look_ahead, n_workers, panel_of, words_before, words_curves
 from app.pages.base import Page
 from app.services import Unavailable
@@ -136,8 +136,8 @@ class SimulatePage(Page):
             self.progress.show(status, self.session.visitor)
             news = (status.key, status.done, status.active)
             rested = not status.active or time.monotonic() - self._drawn > REDRAW_S
-            if self._asked != news and not self._waiting and rested:
-                self._ask(news)
+            if self._asked != news and not self._waiting and rested and not self._shows(status):
+                self._ask(news, rest_s=0.0)
         self.progress.see.visible = self._complete_key() is not None
 
     def _look_on(self) -> None:
@@ -151,6 +151,12 @@ class SimulatePage(Page):
         status = self.services.jobs.find(self.config.key)
         there = self.outlook is not None and self.outlook.config == self.config and self.outlook.covering
         return None if status is not None and there and status.state in ("cancelled", "failed") else status
+
+    def _shows(self, status: JobStatus) -> bool:
+        """Whether the figure has all streams that an active job has finished."""
+        outlook = self.outlook
+        same = outlook is not None and outlook.config == self.config and outlook.n_done == status.done
+        return same and status.active
 
     def _complete_key(self) -> str | None:
         """Key of the ensemble in the catalog that holds the streams of the configuration shown."""
@@ -177,11 +183,11 @@ class SimulatePage(Page):
         self._ask(())
         self.look()
 
-    def _ask(self, about: tuple) -> None:
+    def _ask(self, about: tuple, rest_s: float = REST_S) -> None:
         config, services = self.config, self.services
         assert config is not None
         self._asked, self._waiting = about, True
-        self.later.ask(lambda: look_ahead(services, config))
+        self.later.ask(lambda: look_ahead(services, config), rest_s)
 
     def _show_outlook(self, outlook: Outlook) -> None:
         self._waiting = False
