@@ -33,7 +33,7 @@ Progress = Callable[[int, int], None]
 """Called with how many are done, and how many there are."""
 
 BUSY_POLL_S = 0.5
-PART = 10
+PART = 5
 """Streams that a worker computes at a time: all workers share the first chunk, which somebody awaits."""
 TIMING_S = 2.0
 """An estimate of the cost times streams for about this long."""

@@ -30,7 +30,7 @@ def seconds_to_curves(page: Page) -> float:
     start = time.perf_counter()
     page.get_by_role("button", name="Simulate", exact=True).click()
     while "finished streams of" not in (sentence.text_content() or ""):  # expect() looks once a second
-        page.wait_for_timeout(20)
+        page.wait_for_timeout(50)
     elapsed = time.perf_counter() - start
     page.get_by_role("button", name="Cancel", exact=True).click()
     expect(status).to_contain_text(re.compile("Cancelled|Done"), timeout=PATIENCE)
