@@ -71,12 +71,10 @@ def _crossing(y, i, n):
     return x
 
 
-@njit(cache=True, error_model="numpy")
-def _settle(i, x0, x1, n, mark, now, scratch, mean, sigma, judge):
+@njit(inline="always")
+def _settle(i, x0, x1, n, mark, now, omega, f, marks, cells, mean, sigma):
     """Add to cell [i, i+1], from x0 to x1, the stars that reach the progenitor now."""
-    _, omega, _, _, f, marks, _, _, cells = scratch
-    if x1 <= x0:
-        return
+    # Inlined: handing over the arrays, and counting who holds them, took a quarter of the time.
     for j in range(max(i - 1, 0), min(i + 3, n)):
         if marks[j] != mark:
             marks[j] = mark
@@ -93,8 +91,6 @@ def _settle(i, x0, x1, n, mark, now, scratch, mean, sigma, judge):
     else:
         cells[i, 0] += _cubic_integral(before, f[i], f[i + 1], after, x0, x1)
         cells[i, 1] += _cubic_integral(first, f[i] * now[i], f[i + 1] * now[i + 1], last, x0, x1)
-    if judge:
-        _judge(i, n, omega, mean, sigma, cells)
 
 
 @njit(cache=True, error_model="numpy")
@@ -129,7 +125,7 @@ def _march(theta, n, now, scratch, dt, tables, bends, mean, sigma):
     Per cell, `cells` gets: ∫p, ∫Ωp, the squared errors (in dispersions) of interpolating
     each time's kicks across it, which are independent of one another, and the largest p.
     """
-    angle, omega, low, high, _, marks, place, rest, cells = scratch
+    angle, omega, low, high, f, marks, place, rest, cells = scratch
     start, size, inverse, values = tables
     bend_start, bend_size, bend_inverse, bend = bends
     alive = 0
@@ -144,11 +140,11 @@ def _march(theta, n, now, scratch, dt, tables, bends, mean, sigma):
     judge = len(bend) > 0
     for k in range(len(dt)):
         step = dt[k]
-        for i in range(active):
-            angle[i] -= omega[i] * step
         left = 0
         for i in range(active):
-            left += angle[i] <= 0.0
+            a = angle[i] - omega[i] * step
+            angle[i] = a
+            left += a <= 0.0
         # Stars at or behind the progenitor are at the fast end, so few cells are looked at.
         i = min(alive, n - 1) - 1
         seen = 0
@@ -159,17 +155,20 @@ def _march(theta, n, now, scratch, dt, tables, bends, mean, sigma):
             a, b = angle[i], angle[i + 1]
             seen += b <= 0.0
             if high[i] > low[i]:
-                if a <= 0.0 and b <= 0.0:
-                    _settle(i, low[i], high[i], n, k, now, scratch, mean, sigma, judge)
-                    high[i] = low[i]
-                elif a <= 0.0 or b <= 0.0:
-                    x = _crossing(angle, i, n)
-                    if b <= 0.0:
-                        _settle(i, max(x, low[i]), high[i], n, k, now, scratch, mean, sigma, judge)
-                        high[i] = min(high[i], x)
+                if a <= 0.0 or b <= 0.0:
+                    x0, x1 = low[i], high[i]
+                    if a <= 0.0 and b <= 0.0:
+                        high[i] = x0
+                    elif b <= 0.0:
+                        x = _crossing(angle, i, n)
+                        x0, high[i] = max(x, x0), min(x1, x)
                     else:
-                        _settle(i, low[i], min(x, high[i]), n, k, now, scratch, mean, sigma, judge)
-                        low[i] = max(low[i], x)
+                        x = _crossing(angle, i, n)
+                        x1, low[i] = min(x, x1), max(x0, x)
+                    if x1 > x0:
+                        _settle(i, x0, x1, n, k, now, omega, f, marks, cells, mean, sigma)
+                        if judge:
+                            _judge(i, n, omega, mean, sigma, cells)
                 if high[i] > low[i]:
                     alive = max(alive, i + 1)
                     if seen == left:
@@ -210,20 +209,24 @@ def _march(theta, n, now, scratch, dt, tables, bends, mean, sigma):
 
 
 @njit(cache=True, error_model="numpy")
-def _scout(theta, omega, n, dt, tables):
-    """Original frequencies of n points today at (theta, omega[i]), in place."""
+def _scout(theta, omega, angle, n, dt, tables):
+    """Original frequencies of n points today at (theta, omega[i]), in place; `angle` is scratch."""
     start, size, inverse, values = tables
-    for i in range(n):
-        a, o = theta, omega[i]
-        for k in range(len(dt) - 1):
-            a -= o * dt[k]
-            if a <= 0.0:
-                break
-            place = min(a * inverse[k] + (PAD - 0.5), float(size[k] - 2))
-            j = int(place)
-            kick = values[start[k] + j]
-            o -= kick + (place - j) * (values[start[k] + j + 1] - kick)
-        omega[i] = o
+    angle[:n] = theta
+    # Times outside, points inside: one point alone would wait for each of its look-ups.
+    for k in range(len(dt) - 1):
+        while n > 0 and angle[n - 1] <= 0.0:
+            n -= 1
+        table = values[start[k] : start[k] + size[k]]
+        step, scale, end = dt[k], inverse[k], float(size[k] - 2)
+        for i in range(n):
+            if angle[i] > 0.0:
+                angle[i] -= omega[i] * step
+                if angle[i] > 0.0:
+                    position = min(angle[i] * scale + (PAD - 0.5), end)
+                    at = np.uint32(position)
+                    kick = table[at]
+                    omega[i] -= kick + (position - at) * (table[at + np.uint32(1)] - kick)
 
 
 @njit(cache=True, error_model="numpy")
@@ -337,7 +340,7 @@ def integrate_lines(theta, mean, sigma, step, tolerance, largest, dt, tables, be
         if largest > CALM * sigma:
             for i in range(n_scout):
                 then[i] = left + i * per_cell * h
-            _scout(theta[line], then, n_scout, dt, tables)
+            _scout(theta[line], then, angle, n_scout, dt, tables)
             _mark(then, n_scout, mean, sigma, keep)
         n = _coarse_samples(keep, n_scout, per_cell, left, h, coarse, low, high)
         _march(theta[line], n, coarse, scratch, dt, tables, bends, mean, sigma)
