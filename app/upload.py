@@ -10,7 +10,7 @@ from typing import Any
 import param
 from panel.custom import JSComponent
 
-from streamdash.observation_table import MAX_BYTES, TOO_LARGE
+from streamdash.observation_table import MAX_BYTES, too_large
 
 NOT_READ = "The file did not arrive whole; choose it again."
 
@@ -30,15 +30,16 @@ class FileDrop(JSComponent):
     """
 
     limit = param.Integer(MAX_BYTES, doc="largest file, in bytes")
-    too_large = param.String(TOO_LARGE, doc="what the browser says about a larger one")
+    too_large = param.String(doc="what the browser says about a larger one")
 
     def __init__(self, receive: Callable[[bytes], Any], refuse: Callable[[str], Any], **params: Any) -> None:
         super().__init__(**params)
+        self.too_large = too_large(self.limit)
         self._receive, self._refuse = receive, refuse
 
     def _handle_msg(self, data: Any) -> None:
         try:
-            content = decoded(data)
+            content = decoded(data, self.limit)
         except ValueError as error:
             self._refuse(str(error))
         else:
@@ -97,8 +98,8 @@ class FileDrop(JSComponent):
     ]
 
 
-def decoded(message: Any) -> bytes:
-    """Bytes of a file out of a browser's message.
+def decoded(message: Any, limit: int) -> bytes:
+    """Bytes of a file, at most `limit`, out of a browser's message.
 
     Raises
     ------
@@ -108,8 +109,8 @@ def decoded(message: Any) -> bytes:
     text = message.get("data") if isinstance(message, dict) else None
     if not isinstance(text, str):
         raise ValueError(NOT_READ)
-    if len(text) > 4 * (MAX_BYTES // 3 + 2):
-        raise ValueError(TOO_LARGE)
+    if len(text) > 4 * (limit // 3 + 2):
+        raise ValueError(too_large(limit))
     try:
         return base64.b64decode(text, validate=True)
     except (binascii.Error, ValueError):

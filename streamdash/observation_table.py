@@ -19,7 +19,6 @@ MAX_ROWS = 5000
 MAX_COLUMNS = 64
 MAX_LINES = 4 * MAX_ROWS
 """Ends of lines, comments and empty lines included; files for Windows have two a line."""
-TOO_LARGE = f"The file is larger than {MAX_BYTES / 1e6:g} MB; a profile has a few dozen rows."
 MAX_NAME = 40
 """Characters of a column's name that are kept."""
 MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "--", "...", "masked"})
@@ -31,6 +30,11 @@ _UNIT = re.compile(r"^#\s*-\s*\{?.*\bname:\s*['\"]?(?P<name>[^,'\"}]+).*\bunit:\
 
 class ObservationError(ValueError):
     """A table that cannot be used; one sentence that says where and what to do."""
+
+
+def too_large(limit: int) -> str:
+    """What is said of a file of more than `limit` bytes."""
+    return f"The file is larger than {limit / 1e6:g} MB; a profile has a few dozen rows."
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +128,7 @@ def shown(text: str) -> str:
 
 def _text(data: bytes) -> str:
     if len(data) > MAX_BYTES:
-        raise ObservationError(TOO_LARGE)
+        raise ObservationError(too_large(MAX_BYTES))
     if not data.strip():
         raise ObservationError("The file is empty.")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):

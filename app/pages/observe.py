@@ -90,7 +90,12 @@ class ObservePage(Page):
             ui.plain_text(INTRODUCTION, margin=(4, 10, 14, 10), max_width=1000),
             ui.controls(ui.stream_picker(self), ui.ensemble_picker(self)),
             FileDrop(
-                self._receive, self._refuse, sizing_mode=ui.WIDE, margin=(10, 10), css_classes=["sd-drop"]
+                self._receive,
+                self._refuse,
+                limit=int(1e6 * self.services.jobs.limits.max_upload_mb),
+                sizing_mode=ui.WIDE,
+                margin=(10, 10),
+                css_classes=["sd-drop"],
             ),
             ui.controls(ui.button("Try the example", self._example, css_classes=["sd-example"]), self.status),
             self.problem,

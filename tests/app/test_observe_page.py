@@ -22,6 +22,7 @@ from app.state import Session
 from app.state_observe import Upload
 from app.upload import decoded
 from app.work import Task, Work
+from streamdash.jobs_limits import Limits
 from streamdash.observation_table import MAX_BYTES
 from streamdash.store import Cache
 from streamdash.survey_mock import EXAMPLE, EXAMPLE_TRUTH
@@ -140,20 +141,29 @@ def test_names_from_a_file_are_never_markup(open_page):
     assert "&lt;img/src=x&gt;" in page.preview.object
 
 
+def test_an_operator_can_allow_less(services, open_page, monkeypatch):
+    monkeypatch.setattr(services.jobs, "limits", Limits(max_upload_mb=5e-4))
+    page = open_page()
+    upload(page, EXAMPLE.read_bytes())
+    assert "larger than 0.0005 MB" in problems(page)
+    upload(page, EXAMPLE.read_bytes()[:450])  # not the whole table, and that is what is said
+    assert "larger than" not in problems(page)
+
+
 @settings(max_examples=300, deadline=None, database=None)
 @given(
     st.one_of(st.none(), st.integers(), st.text(), st.dictionaries(st.sampled_from(["data", "x"]), st.text()))
 )
 def test_whatever_a_browser_sends_is_bytes_or_one_sentence(message):
     try:
-        assert len(decoded(message)) <= MAX_BYTES + 8
+        assert len(decoded(message, MAX_BYTES)) <= MAX_BYTES + 8
     except ValueError as error:
         assert "choose it again" in str(error) or "larger than" in str(error)
 
 
 def test_a_message_that_is_too_large_is_refused_before_it_is_decoded():
     with pytest.raises(ValueError, match="larger than 1 MB"):
-        decoded({"data": "A" * (2 * MAX_BYTES)})
+        decoded({"data": "A" * (2 * MAX_BYTES)}, MAX_BYTES)
 
 
 def test_the_answer_comes_with_its_numbers_and_is_forgotten_with_the_page(open_page, services):
