@@ -34,9 +34,17 @@ class Shell:
         Passed on to the pages.
     pages
         The registry, in the navigation's order.
+    soon
+        Called with what builds the first page; at once when not given.
     """
 
-    def __init__(self, session: Session, services: Services, pages: Sequence[type[Page]]) -> None:
+    def __init__(
+        self,
+        session: Session,
+        services: Services,
+        pages: Sequence[type[Page]],
+        soon: Callable[[Callable[[], Any]], Any] = lambda build: build(),
+    ) -> None:
         self.session = session
         self.services = services
         self.pages = {page.key: page for page in pages}
@@ -49,7 +57,7 @@ class Shell:
         )
         self.view = ui.page_frame([self.address, self.messages, self.tabs], session.theme == "dark")
         self._say_problems()
-        self._show()
+        soon(self._show)
         session.param.watch(self._changed, [n for n in session.param if n not in ("name", "problems")])
         session.param.watch(lambda _: self._say_problems(), ["problems", "catalog"])
         self.tabs.param.watch(self._navigated, "active")
