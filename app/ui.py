@@ -27,7 +27,7 @@ from app.layout import (  # pages find all of it in `ui`
     plain_text,
 )
 from app.pages.base import Page
-from app.theme import MENU_STYLE, STYLE, THEME
+from app.theme import CARD, MENU_STYLE, STYLE, THEME
 from streamdash.plots.style import class_colour
 
 __all__ = [
@@ -355,17 +355,15 @@ class FigureCard:
         self._accordion.param.watch(lambda _: self._list(), "active")
         kinds = pn.Row(*files, margin=0)
         head = pn.FlexBox(heading, kinds, align_items="center", gap="4px 12px", sizing_mode=WIDE, margin=0)
-        self.view = pmui.Paper(
+        self.view = pn.Column(
             head,
             *([legend] if legend else []),
             figure_grid(figures),
             self._sentence,
             self._accordion,
-            elevation=0,
-            variant="outlined",
             sizing_mode=WIDE,
             margin=(8, 0),
-            sx={"p": "12px 16px"},
+            styles=CARD,
             css_classes=["sd-card", f"sd-card-{name}"],
         )
 
