@@ -33,8 +33,10 @@ def open_session(services: Services) -> Viewable:
     seen = services.watch.version
     session = Session(tuple(page.key for page in PAGES), services.catalog())
     session.load(pn.state.location.search if pn.state.location else "")
+    document = pn.state.curdoc
+    assert document is not None, "a browser session is being served"
     # The browser loads its scripts while the page is built, instead of waiting for it.
-    shell = Shell(session, services, PAGES, pn.state.curdoc.add_next_tick_callback)
+    shell = Shell(session, services, PAGES, document.add_next_tick_callback)
     notifications = pn.state.notifications
     news = News(session, services, seen)
     pn.state.onload(news.start)
