@@ -27,6 +27,7 @@ from streamdash import survey
 from streamdash.config import StreamModel
 from streamdash.geometry import Geometry
 from streamdash.jobs import Jobs, Limits
+from streamdash.observation_table import UploadLimit
 from streamdash.store import Cache
 from streamdash.survey_bands import noise_draws
 
@@ -52,6 +53,8 @@ class Services:
         Bytes that shared results may keep.
     limits
         What may be simulated from a browser.
+    uploads
+        How large a table may be uploaded.
 
     Attributes
     ----------
@@ -65,11 +68,18 @@ class Services:
         Notices new ensembles, once it is started.
     """
 
-    def __init__(self, cache: Cache, memory: int = MEMORY_BYTES, limits: Limits | None = None) -> None:
+    def __init__(
+        self,
+        cache: Cache,
+        memory: int = MEMORY_BYTES,
+        limits: Limits | None = None,
+        uploads: UploadLimit | None = None,
+    ) -> None:
         self.cache = cache
         self.work = Work()
         self.laboratory = Work()
         self.jobs = Jobs(cache, limits)
+        self.uploads = uploads or UploadLimit()
         self.watch = CacheWatch(cache)
         self._results: LRUCache = LRUCache(memory, getsizeof=_size)
         self._running: dict[Hashable, tuple[Future, int]] = {}
@@ -178,7 +188,7 @@ class Services:
 @functools.cache
 def process_services() -> Services:
     """The one `Services` of this server process; only ``main.py`` calls this."""
-    return Services(Cache.default(), limits=Limits.from_environment())
+    return Services(Cache.default(), limits=Limits.from_environment(), uploads=UploadLimit.from_environment())
 
 
 def _size(value: Any) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +14,7 @@ import typer
 from streamdash.cli_common import CacheOption, InputError, make_cache
 from streamdash.cli_deploy import Deployment, check, server_arguments, server_environment, settings_table
 from streamdash.jobs_limits import Limits
+from streamdash.observation_table import UploadLimit
 
 APP = Path(__file__).resolve().parent.parent / "app"
 
@@ -44,9 +46,9 @@ def serve_command(
     if not (APP / "main.py").is_file():
         raise InputError(f"The app is not beside the library ({APP}); serve it from a checkout.")
     chosen = Deployment.from_environment(address=address, port=port, origins=allow_origin or None)
-    limits = Limits.from_environment()
+    allowed = [Limits.from_environment(), UploadLimit.from_environment()]
     if settings:
-        for name, value, meaning in [*settings_table(chosen), *settings_table(limits)]:
+        for name, value, meaning in chain.from_iterable(map(settings_table, [chosen, *allowed])):
             print(f"{name:<32} {value:<20} {meaning}")
     check(chosen, os.environ)
     if settings:

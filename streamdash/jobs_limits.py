@@ -1,4 +1,4 @@
-"""What the operator of a server allows its visitors."""
+"""What the operator of a server allows those who simulate from their browsers."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ from streamdash.config import EnsembleConfig
 from streamdash.config_environment import Settings
 from streamdash.geometry import Geometry
 from streamdash.impacts import expected_impacts
-from streamdash.observation_table import MAX_BYTES
 from streamdash.store_keep import room_for
 
 Size = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class Limits(Settings):
-    """Limits and resources of background jobs, and of uploads."""
+    """Limits and resources of background jobs."""
 
     workers: int | None = Field(None, ge=1, le=1024, description="worker processes; one per core by default")
     scheduler: str = Field("", max_length=200, description="Dask scheduler, tcp://…, to compute on instead")
@@ -27,12 +26,6 @@ class Limits(Settings):
     max_jobs: int = Field(20, ge=0, le=1000, description="jobs that wait or run at the same time")
     max_jobs_per_session: int = Field(3, ge=0, le=1000, description="those of one browser session")
     max_disk_gb: Size = Field(2.0, description="disk for what people simulate; the least used goes first")
-    max_upload_mb: float = Field(
-        MAX_BYTES / 1e6,
-        gt=0,
-        le=MAX_BYTES / 1e6,
-        description="largest table that people may upload, MB; more than 1 is never read",
-    )
 
     @property
     def executor(self) -> str:

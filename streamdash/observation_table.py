@@ -13,6 +13,9 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import Field
+
+from streamdash.config_environment import Settings
 
 MAX_BYTES = 1_000_000
 MAX_ROWS = 5000
@@ -26,6 +29,17 @@ MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "--", "...", "maske
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d{1,4})?")
 _LONGEST_NUMBER = 60
 _UNIT = re.compile(r"^#\s*-\s*\{?.*\bname:\s*['\"]?(?P<name>[^,'\"}]+).*\bunit:\s*['\"]?(?P<unit>[^,'\"}]+)")
+
+
+class UploadLimit(Settings):
+    """How large a table the operator of a server lets people upload."""
+
+    max_upload_mb: float = Field(
+        MAX_BYTES / 1e6,
+        gt=0,
+        le=MAX_BYTES / 1e6,
+        description="largest table that people may upload, MB; more than 1 is never read",
+    )
 
 
 class ObservationError(ValueError):

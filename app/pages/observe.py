@@ -92,7 +92,7 @@ class ObservePage(Page):
             FileDrop(
                 self._receive,
                 self._refuse,
-                limit=int(1e6 * self.services.jobs.limits.max_upload_mb),
+                limit=int(1e6 * self.services.uploads.max_upload_mb),
                 sizing_mode=ui.WIDE,
                 margin=(10, 10),
                 css_classes=["sd-drop"],

@@ -1,8 +1,9 @@
-"""Sessions that end are freed: 30 opened, used and closed on a real server leave none alive."""
+"""Sessions that end are freed: 30 (or SESSIONS) opened, used and closed on a real server leave none alive."""
 
 from __future__ import annotations
 
 import gc
+import os
 import time
 import uuid
 from collections.abc import Callable
@@ -20,7 +21,7 @@ from app.shell import Shell
 from app.state import Session
 from streamdash.plots.live import LiveFigure
 
-SESSIONS = 30
+SESSIONS = int(os.environ.get("SESSIONS", "30"))
 KINDS = (Session, Shell, ProfilesPage, LiveFigure, Document, ui.pmui.Page)
 
 

@@ -22,8 +22,7 @@ from app.state import Session
 from app.state_observe import Upload
 from app.upload import decoded
 from app.work import Task, Work
-from streamdash.jobs_limits import Limits
-from streamdash.observation_table import MAX_BYTES
+from streamdash.observation_table import MAX_BYTES, UploadLimit
 from streamdash.store import Cache
 from streamdash.survey_mock import EXAMPLE, EXAMPLE_TRUTH
 
@@ -142,7 +141,7 @@ def test_names_from_a_file_are_never_markup(open_page):
 
 
 def test_an_operator_can_allow_less(services, open_page, monkeypatch):
-    monkeypatch.setattr(services.jobs, "limits", Limits(max_upload_mb=5e-4))
+    monkeypatch.setattr(services, "uploads", UploadLimit(max_upload_mb=5e-4))
     page = open_page()
     upload(page, EXAMPLE.read_bytes())
     assert "larger than 0.0005 MB" in problems(page)

@@ -15,6 +15,7 @@ import urllib.error
 import urllib.parse
 import urllib.request
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,8 @@ from streamdash.cli_common import InputError
 from streamdash.cli_deploy import Deployment, check, server_arguments, server_environment, settings_table
 from streamdash.config import ConfigError
 from streamdash.config_environment import PREFIX
+from streamdash.jobs_limits import Limits
+from streamdash.observation_table import UploadLimit
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "deployment.md"
 SECRET = "0123456789abcdef0123456789abcdef"
@@ -156,8 +159,14 @@ def test_secrets_are_not_printed():
 
 def test_the_documentation_lists_every_variable_with_its_default_and_meaning():
     text = DOCS.read_text(encoding="utf-8")
-    for name, value, meaning in settings_table(settings()):
+    for name, value, meaning in chain(*map(settings_table, (settings(), Limits(), UploadLimit()))):
         assert f"| `{name}` | {value or 'none'} | {meaning} |" in text
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "1.5", "nan", "a lot"])
+def test_uploads_cannot_be_larger_than_what_is_read(text):
+    with pytest.raises(ConfigError, match=f"^STREAMDASH_MAX_UPLOAD_MB: .*got '{text}'"):
+        UploadLimit.from_environment({"STREAMDASH_MAX_UPLOAD_MB": text})
 
 
 # --- a real server ----------------------------------------------------------------------------

@@ -151,10 +151,14 @@ def test_repair_computes_damaged_chunks_again(toy, geometry_cache, config):
 def test_repair_keeps_what_is_sound_of_an_unfinished_ensemble(toy, geometry_cache, config):
     from streamdash.ensemble import Stopped
 
-    asked = []
+    reported = []
     with pytest.raises(Stopped):
         simulate(
-            config, "inline", cache=geometry_cache, should_stop=lambda: len(asked) == 1 or asked.append(1)
+            config,
+            "inline",
+            cache=geometry_cache,
+            progress=lambda done, _: reported.append(done),
+            should_stop=lambda: reported[-1] > 0,
         )
     toy.damage(geometry_cache.find(config.key).path / "data.zarr/density/c/0/0", "bit-flipped")
     verify(geometry_cache, config.key, "--repair")
