@@ -12,11 +12,14 @@ import signal
 import threading
 import time
 import warnings
-from collections.abc import Callable, Generator, Iterable
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
 from functools import lru_cache
+from itertools import islice
 from typing import Any, Literal, TypeVar
 
 import joblib
+from joblib.executor import get_memmapping_executor
 from threadpoolctl import threadpool_limits
 
 T = TypeVar("T")
@@ -24,6 +27,8 @@ Executor = Literal["inline", "processes", "dask"]
 
 BACKENDS = {"inline": "sequential", "processes": "loky"}
 PARENT_POLL_S = 1.0
+IDLE_S = 300
+"""Worker processes without work end after this long; joblib's own number."""
 _ending = threading.Event()
 """This process is about to end."""
 
@@ -58,13 +63,17 @@ def results(
     """
     backend = BACKENDS.get(executor, executor)
     limits = {"inner_max_num_threads": 1} if backend == "loky" else {}
-    n_jobs = 1 if backend == "sequential" else workers or -1
+    n_jobs = 1 if backend == "sequential" else workers or joblib.cpu_count()
     parent = os.getpid() if backend == "loky" else 0
-    with _as_worker_error(), joblib.parallel_config(backend=backend, n_jobs=n_jobs, **limits):
-        parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
-        work = joblib.delayed(_work)
+    work = joblib.delayed(_work)
+    jobs = (work(function, piece, parent, nice) for piece in pieces)
+    chosen = _on_cluster() if backend == "dask" else backend
+    with _as_worker_error(), joblib.parallel_config(backend=chosen, n_jobs=n_jobs, **limits):
         with _spared_from_ctrl_c():
-            found = parallel(work(function, piece, parent, nice) for piece in pieces)
+            if backend == "loky" and n_jobs == 1:
+                found = _in_one_worker(jobs)
+            else:
+                found = joblib.Parallel(return_as="generator_unordered", batch_size=1)(jobs)
         if backend == "loky":
             _end_workers_at_exit()
         try:
@@ -75,6 +84,35 @@ def results(
             with warnings.catch_warnings():  # that work is given up when stopping is intended
                 warnings.simplefilter("ignore", UserWarning)
                 found.close()
+
+
+def _in_one_worker(jobs: Iterator[Any]) -> Generator:
+    """Results of joblib's `jobs` from one worker process; joblib would compute them in this one."""
+    executor = get_memmapping_executor(1, timeout=IDLE_S)  # joblib's own, which it keeps for the next time
+    waiting = deque(executor.submit(work, *args) for work, args, _ in islice(jobs, 2))
+
+    def found() -> Generator:
+        try:
+            while waiting:
+                yield waiting[0].result()
+                waiting.popleft()
+                waiting.extend(executor.submit(work, *args) for work, args, _ in islice(jobs, 1))
+        finally:
+            for future in waiting:
+                future.cancel()
+
+    return found()
+
+
+def _on_cluster() -> Any:
+    """joblib's Dask backend, which else computes in this process where the cluster has one core."""
+    from joblib._dask import DaskDistributedBackend
+
+    class OnCluster(DaskDistributedBackend):
+        def effective_n_jobs(self, n_jobs: int) -> int:
+            return max(2, super().effective_n_jobs(n_jobs))
+
+    return OnCluster()
 
 
 def is_ending() -> bool:
@@ -129,7 +167,7 @@ def _settle(parent: int, nice: int) -> None:
             time.sleep(PARENT_POLL_S)
         os._exit(1)
 
-    if os.getppid() == parent:  # not so in the parent itself, which is its own only worker
+    if os.getppid() == parent:  # not so where joblib cannot start processes and computes in this one
         threading.Thread(target=watch, daemon=True).start()
         with contextlib.suppress(ValueError):  # not the main thread
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # for workers that loky replaced later

@@ -23,6 +23,7 @@ from streamdash.ensemble import CHUNK, Stopped, WorkerError, estimate, simulate,
 from streamdash.geometry import load_geometry
 from streamdash.impacts import expected_impacts, sample_impacts
 from streamdash.store import Cache
+from streamdash.workers import results
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +102,13 @@ def test_worker_processes_give_the_same_bytes(config, undisturbed, geometry_cach
     dataset = simulate(config, "processes", workers, geometry_cache)
     assert files(toy, geometry_cache, config) == undisturbed[1]
     xr.testing.assert_identical(dataset, undisturbed[0])
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_this_process_only_hands_out_the_work(workers):
+    pids = list(results(os.getpid, [()] * 9, "processes", workers))
+    assert len(pids) == 9 and os.getpid() not in pids
+    assert len(set(pids)) <= workers
 
 
 def test_a_dask_cluster_gives_the_same_bytes(config, undisturbed, geometry_cache, toy):
