@@ -42,16 +42,16 @@ window.sd = {
 
 
 def chromium() -> str:
-    """Path of Debian's Chromium.
+    """Path of Debian's Chromium: where it is installed, the one without windows, which needs less.
 
     Raises
     ------
     RuntimeError
         When it is missing, with the command that installs it.
     """
-    found = shutil.which("chromium") or shutil.which("chromium-browser")
+    found = shutil.which("chromium-headless-shell") or shutil.which("chromium")
     if found is None:
-        raise RuntimeError("Chromium is missing; install it with: apt-get install -y chromium")
+        raise RuntimeError("Chromium is missing; install it with: apt-get install -y chromium-headless-shell")
     return found
 
 
