@@ -62,16 +62,16 @@ def results(
         When the executor does not exist; whatever `function` raises is passed on as well.
     """
     backend = BACKENDS.get(executor, executor)
-    limits = {"inner_max_num_threads": 1} if backend == "loky" else {}
+    settled = {"initializer": _settle, "initargs": (os.getpid(), nice)}
+    options = {"inner_max_num_threads": 1, **settled} if backend == "loky" else {}
     n_jobs = 1 if backend == "sequential" else workers or joblib.cpu_count()
-    parent = os.getpid() if backend == "loky" else 0
     work = joblib.delayed(_work)
-    jobs = (work(function, piece, parent, nice) for piece in pieces)
+    jobs = (work(function, piece) for piece in pieces)
     chosen = _on_cluster() if backend == "dask" else backend
-    with _as_worker_error(), joblib.parallel_config(backend=chosen, n_jobs=n_jobs, **limits):
+    with _as_worker_error(), joblib.parallel_config(backend=chosen, n_jobs=n_jobs, **options):
         with _spared_from_ctrl_c():
             if backend == "loky" and n_jobs == 1:
-                found = _in_one_worker(jobs)
+                found = _in_one_worker(jobs, settled)
             else:
                 found = joblib.Parallel(return_as="generator_unordered", batch_size=1)(jobs)
         if backend == "loky":
@@ -86,9 +86,10 @@ def results(
                 found.close()
 
 
-def _in_one_worker(jobs: Iterator[Any]) -> Generator:
+def _in_one_worker(jobs: Iterator[Any], options: dict[str, Any]) -> Generator:
     """Results of joblib's `jobs` from one worker process; joblib would compute them in this one."""
-    executor = get_memmapping_executor(1, timeout=IDLE_S)  # joblib's own, which it keeps for the next time
+    # joblib's own, which it keeps for the next time.
+    executor = get_memmapping_executor(1, timeout=IDLE_S, **options)
     waiting = deque(executor.submit(work, *args) for work, args, _ in islice(jobs, 2))
 
     def found() -> Generator:
@@ -151,28 +152,26 @@ def _spared_from_ctrl_c() -> Generator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _work(function: Callable[..., T], piece: tuple, parent: int, nice: int) -> T:
-    """One piece, in a worker process that ends when process `parent` does (0: in no such process)."""
-    if parent:
-        _settle(parent, nice)
+def _work(function: Callable[..., T], piece: tuple) -> T:
+    """One piece, wherever it is computed."""
     with threadpool_limits(limits=1):  # one core a worker, and sums in one order
         return function(*piece)
 
 
-@lru_cache(maxsize=1)
 def _settle(parent: int, nice: int) -> None:
+    """Make this worker process, which has just begun, end when process `parent` does, and stand back."""
+
     # Workers of a killed process would wait for work for ever: each holds the others' pipe open.
     def watch() -> None:
         while os.getppid() == parent:
             time.sleep(PARENT_POLL_S)
         os._exit(1)
 
-    if os.getppid() == parent:  # not so where joblib cannot start processes and computes in this one
-        threading.Thread(target=watch, daemon=True).start()
-        with contextlib.suppress(ValueError):  # not the main thread
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # for workers that loky replaced later
-        with contextlib.suppress(AttributeError, OSError):
-            os.setpriority(os.PRIO_PROCESS, 0, nice)
+    threading.Thread(target=watch, daemon=True).start()
+    with contextlib.suppress(ValueError):  # not the main thread
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # for workers that loky replaced later
+    with contextlib.suppress(AttributeError, OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, nice)
 
 
 @contextlib.contextmanager
@@ -223,5 +222,8 @@ def in_process(function: Callable[..., T], *arguments: Any) -> T:
     """``function(*arguments)`` in a process of its own, which ends afterwards; raises what it raises."""
     from joblib.externals.loky import ProcessPoolExecutor
 
-    with _as_worker_error(), ProcessPoolExecutor(1) as executor:
-        return executor.submit(_work, function, arguments, os.getpid(), 0).result()
+    with (
+        _as_worker_error(),
+        ProcessPoolExecutor(1, initializer=_settle, initargs=(os.getpid(), 0)) as executor,
+    ):
+        return executor.submit(_work, function, arguments).result()

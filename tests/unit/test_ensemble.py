@@ -299,6 +299,16 @@ def start():
             process.communicate()
 
 
+def living(pids: list[int]) -> list[int]:
+    """Those processes that have not ended; some may wait to be reaped."""
+    found = []
+    for pid in pids:
+        with contextlib.suppress(OSError):
+            if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z":
+                found.append(pid)
+    return found
+
+
 def test_after_a_kill_the_same_command_gives_the_same_bytes(config, geometry_cache, tmp_path, toy, start):
     many = config.model_copy(update={"n_streams": 600})
     process = start(command(config, geometry_cache, 600))
@@ -314,8 +324,24 @@ def test_after_a_kill_the_same_command_gives_the_same_bytes(config, geometry_cac
     untouched = tmp_path / "untouched"
     shutil.copytree(geometry_cache.roots[0] / "geometries", untouched / "geometries")
     simulate(many, "processes", 2, Cache.default(untouched))
-    assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()]  # they noticed
+    assert not living(workers)  # they noticed
     assert files(toy, geometry_cache, many) == files(toy, Cache.default(untouched), many)
+
+
+def test_workers_of_a_killed_process_end_even_when_they_never_had_work(start):
+    script = (
+        "import time; from streamdash.workers import results; list(results(time.sleep, [(0,)], workers=4))"
+    )
+    process = start([sys.executable, "-c", f"{script}; print('ready', flush=True); time.sleep(100)"])
+    assert process.stdout.readline().strip() == "ready"
+    workers = children(process.pid)
+    assert len(workers) >= 4
+    process.kill()
+    process.wait()
+    deadline = time.monotonic() + 20
+    while living(workers) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not living(workers)
 
 
 def test_ctrl_c_says_what_is_kept_and_how_to_resume(config, geometry_cache, start):
