@@ -27,7 +27,7 @@ from app.layout import (  # pages find all of it in `ui`
     plain_text,
 )
 from app.pages.base import Page
-from app.theme import CARD, MENU_STYLE, STYLE, THEME
+from app.theme import CARD, MENU_STYLE, STYLE, TEMPLATE, THEME
 from streamdash.plots.style import class_colour
 
 __all__ = [
@@ -67,16 +67,6 @@ __all__ = [
 SLIDER_DELAY = 10
 """Milliseconds in which moves of one slider are gathered; Panel's 50 are a third of our budget."""
 
-TEMPLATE = """{%% extends "base.html" %%}
-{%% block postamble %%}{{ super() }}<script>window.importShim?.("%s").catch(() => {})</script>{%% endblock %%}
-{%% block loader %%}<div id="loader" style="display: none">
-<div class="spinner" style="%s">Loading …</div><div id="loader-error"></div></div>{%% endblock %%}
-"""
-"""The page before there are components. It loads their code while the server still builds the page, not
-when the first of them has arrived; and it waits without a spinner, which needs as much of a processor as
-drawing the figures. Together they are painted 0.3 s sooner."""
-WAITING = "animation: none; border: 0; width: auto; height: auto; color: #fff; font: 500 20px sans-serif"
-
 # ---------------------------------------------------------------- frame
 
 
@@ -93,7 +83,7 @@ def page_frame(main: Sequence[Viewable], dark: bool) -> pmui.Page:
         site_url=".",
         main_width=1600,
         css_classes=["sd-page"],
-        template=TEMPLATE % (pmui.Page._render_esm(server=True), WAITING),
+        template=TEMPLATE % pmui.Page._render_esm(server=True),
     )
     unwatch_busy(page)
     return page

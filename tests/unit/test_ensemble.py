@@ -10,7 +10,6 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +23,7 @@ from streamdash.geometry import load_geometry
 from streamdash.impacts import expected_impacts, sample_impacts
 from streamdash.store import Cache
 from streamdash.workers import results
+from tests.unit.processes import children, living
 
 
 @pytest.fixture(scope="module")
@@ -265,11 +265,6 @@ def command(config: EnsembleConfig, cache: Cache, n_streams: int) -> list[str]:
     ]
 
 
-def children(pid: int) -> list[int]:
-    """Process numbers of the children of a process."""
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-
-
 def wait_for_chunks(cache: Cache, key: str, n_done: int, process: subprocess.Popen) -> None:
     deadline = time.monotonic() + 120
     while time.monotonic() < deadline and process.poll() is None:
@@ -297,16 +292,6 @@ def start():
         if process.poll() is None:
             process.kill()
             process.communicate()
-
-
-def living(pids: list[int]) -> list[int]:
-    """Those processes that have not ended; some may wait to be reaped."""
-    found = []
-    for pid in pids:
-        with contextlib.suppress(OSError):
-            if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z":
-                found.append(pid)
-    return found
 
 
 def test_after_a_kill_the_same_command_gives_the_same_bytes(config, geometry_cache, tmp_path, toy, start):

@@ -21,6 +21,7 @@ from streamdash.ensemble import simulate
 from streamdash.geometry import load_geometry
 from streamdash.jobs import Jobs, Limits
 from streamdash.store import Cache
+from tests.unit.processes import children, living
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -107,10 +108,6 @@ def files(toy, cache: Cache, config: EnsembleConfig) -> dict[str, bytes]:
     return toy.data_bytes(cache.find(config.key).path)
 
 
-def children(pid: int) -> list[int]:
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-
-
 # ------------------------------------------------------------------ kill -9
 
 
@@ -142,7 +139,7 @@ def test_a_killed_server_loses_nothing_that_was_finished(config, undisturbed, ge
     after = files(toy, geometry_cache, config)
     assert after == undisturbed
     assert all(after[name] == data for name, data in kept.items() if not name.endswith(".tmp"))
-    assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()]  # they noticed
+    assert not living(workers)  # they noticed
 
 
 def test_a_server_that_ends_does_not_wait_for_what_its_workers_were_given(config, geometry_cache, launch):
@@ -260,7 +257,7 @@ load_geometry(StreamModel.parse(sys.argv[2]), Cache.default(sys.argv[1]), worker
     assert geometries[0].to_dataset().identical(geometries[1].to_dataset())
     assert np.isfinite(geometries[0].table_ends).all() and len(geometries[0].table_ends) == 2
     assert [(e.kind, e.state) for e in cache.entries()] == [("geometry", "complete")]
-    assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()]
+    assert not living(workers)
 
 
 # ------------------------------------------------------------------ disks
