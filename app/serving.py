@@ -10,11 +10,11 @@ import panel as pn
 from bokeh.server.views.ws import WSHandler
 from panel.viewable import Viewable
 
-from app.pages import PAGES
-from app.services import Services
+from app.pages.registry import PAGES
+from app.services.services import Services
+from app.session.session import Session
 from app.shell import Shell
-from app.state import Session
-from streamdash.store_keep import mark_used
+from streamdash.store.keeping import mark_used
 
 NEWS_MS = 1000
 MARK_S = 120

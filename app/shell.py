@@ -9,11 +9,11 @@ from typing import Any
 import panel as pn
 
 from app import ui
-from app.browser import AddressBar
-from app.pages.base import Page
-from app.services import Services, Unavailable
-from app.state import Session
-from streamdash.store import StoreError
+from app.page import Page
+from app.services.services import Services, Unavailable
+from app.session.session import Session
+from app.ui.browser import AddressBar
+from streamdash.store.cache import StoreError
 
 logger = logging.getLogger(__name__)
 

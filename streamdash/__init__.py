@@ -1,0 +1,24 @@
+"""What the gaps in a cold stellar stream say about the masses of the dark objects that made them.
+
+The names below are what a script or notebook needs; each is imported when it is first used.
+"""
+
+from streamdash import _moved
+from streamdash._public import offer
+
+_moved.install()
+
+PUBLIC = {
+    "Cache": "streamdash.store.cache",
+    "ConfigError": "streamdash.config",
+    "EnsembleConfig": "streamdash.config",
+    "Perturbers": "streamdash.config",
+    "StreamModel": "streamdash.config",
+    "load_geometry": "streamdash.simulation.geometry",
+    "simulate": "streamdash.simulation.ensemble",
+}
+"""Module of each public name."""
+
+__all__ = list(PUBLIC)
+
+__getattr__, __dir__ = offer(__name__, PUBLIC)

@@ -54,7 +54,7 @@ def shipped_cache() -> Path:
 @pytest.fixture(scope="session")
 def small_cache(shipped_cache, tmp_path_factory) -> Path:
     """Folder of a cache with the first streams of the shipped ensembles of the paper's two classes."""
-    from streamdash.store import CHUNK, Cache
+    from streamdash.store.cache import CHUNK, Cache
 
     root = tmp_path_factory.mktemp("small") / "cache"
     shutil.copytree(shipped_cache / "geometries", root / "geometries")
@@ -83,6 +83,6 @@ def cache_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def geometry():
     """Geometry of the default stream, from the shipped cache."""
     from streamdash.config import StreamModel
-    from streamdash.geometry import load_geometry
+    from streamdash.simulation.geometry import load_geometry
 
     return load_geometry(StreamModel())

@@ -1,9 +1,9 @@
-"""The pages, in the order of the navigation. Adding one is one file and one line below.
+"""The pages, one folder each; `app.pages.registry` has their order. Adding one is a folder and a line there.
 
 How to write a page
 ===================
-Make ``app/pages/<key>.py`` with a class derived from `app.pages.base.Page`, and add the class to
-`PAGES`::
+Make ``app/pages/<key>/page.py`` with a class derived from `app.page.Page`, and add the class to
+`app.pages.registry.PAGES`::
 
     class PdfPage(Page):
         key, title = "pdf", "PDF"
@@ -35,8 +35,8 @@ Rules
   shell closes the page and builds it anew when its structure must change: when ``stream`` or
   ``mass`` (the compared ensembles) change. `update` is called for every other name in `uses`,
   inside ``pn.io.hold()``. A page watches the session only through `Page.bind`, which `close` undoes.
-- **State** belongs in `app.state.Session` (one parameter, one line in ``FIELDS``): then it is in the
-  URL, checked, and survives leaving the page. Bind widgets with the helpers in `app.ui`
+- **State** belongs in `app.session.session.Session` (one parameter, one line in ``FIELDS``): then it is in
+  the URL, checked, and survives leaving the page. Bind widgets with the helpers in `app.ui`
   (``slider``, ``int_slider``, ``toggle``, ``select``: first argument the page); they are two-way.
 - **Compute** with ``services.shared(("pdf", keys, noise, n_bin), compute)``: one computation for all
   sessions; the key is everything the result depends on. ``session.ensembles`` are the chosen
@@ -46,39 +46,13 @@ Rules
 - **Figures** are declared once by a function in ``streamdash/plots/`` (bodies read ``# Collect``,
   ``# Compute``, ``# Plot``; no Panel there), with labelled elements and fixed ranges. `LiveFigure`
   finds the Bokeh data source of each label; ``patch`` writes new arrays. Long arrays, few of them,
-  never ragged lists, never new figures. Class colours: ``streamdash.plots.style.class_colour(i)``.
+  never ragged lists, never new figures. Class colours: ``streamdash.naming.class_colour(i)``.
   Ink that must contrast with the page (medians, reference lines): put the label in
   ``LiveFigure(..., ink=("median", ...))`` and call ``live.ink(session.theme)`` when "theme" changes.
-- **Errors**: raise `app.services.Unavailable` with one sentence for what cannot be shown;
+- **Errors**: raise `app.services.services.Unavailable` with one sentence for what cannot be shown;
   ``ui.error_state`` and ``ui.message`` draw the rest. Text from users or files goes through
   ``ui.plain_text`` only.
 - **Downloads and code**: `FigureCard` makes PNG, SVG, CSV and "Show the code" of what is shown *now*:
   pass functions, not values. `say` sets the sentence under the figure (screen readers hear it).
 - Give what a browser test holds on to a CSS class ``sd-…``.
 """
-
-from __future__ import annotations
-
-from app.pages.base import Page
-from app.pages.classifier import ClassifierPage
-from app.pages.convergence import ConvergencePage
-from app.pages.evidence import EvidencePage
-from app.pages.learn import LearnPage
-from app.pages.observe import ObservePage
-from app.pages.pdf import PdfPage
-from app.pages.profiles import ProfilesPage
-from app.pages.simulate import SimulatePage
-from app.pages.spectrum import SpectrumPage
-
-PAGES: tuple[type[Page], ...] = (
-    ProfilesPage,
-    PdfPage,
-    EvidencePage,
-    ClassifierPage,
-    ObservePage,
-    SpectrumPage,
-    ConvergencePage,
-    SimulatePage,
-    LearnPage,
-)
-"""All pages, in the navigation's order."""

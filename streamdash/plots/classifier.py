@@ -9,15 +9,16 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
-from streamdash.classifier import Judged, train
-from streamdash.classifier_data import LabelledStreams, read_streams
-from streamdash.classifier_model import BEST, ClassifierConfig, paper_scores
+from streamdash.classifier.data import LabelledStreams, read_streams
+from streamdash.classifier.model import BEST, ClassifierConfig, paper_scores
+from streamdash.classifier.train import Judged, train
 from streamdash.config import EnsembleConfig, parse_mass_range
+from streamdash.naming import class_colour, mass_text
 from streamdash.plots.elements import GREY, error_bars, framed, line, points
 from streamdash.plots.live import TOOLS, Backend, Columns, use
-from streamdash.plots.style import COORDINATE_LABELS, INK, class_colour, mass_text
-from streamdash.scores import calibration, roc
-from streamdash.store import Cache
+from streamdash.plots.style import COORDINATE_LABELS, INK
+from streamdash.statistics.scores import calibration, roc
+from streamdash.store.cache import Cache
 
 SELECTED = "selected"
 _CORNERS = ("left", "bottom", "right", "top")

@@ -8,11 +8,12 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
-from streamdash.classifier_studies import Contender, Curve, Grid, Importance
+from streamdash.classifier.studies import Contender, Curve, Grid, Importance
+from streamdash.naming import class_colour
 from streamdash.plots.classifier import class_names
 from streamdash.plots.elements import GREY, error_bars, framed, level_lines, line, points, step_area
 from streamdash.plots.live import TOOLS, Backend, use
-from streamdash.plots.style import COORDINATE_LABELS, class_colour
+from streamdash.plots.style import COORDINATE_LABELS
 
 SIZE_LABEL = "Simulated streams per class"
 NOISE_LABEL = "Shot noise σ_ε per 0.2° bin"

@@ -8,6 +8,12 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
+from streamdash.convergence.knobs import Knob, knob
+from streamdash.convergence.spectra import stored_spectra
+from streamdash.convergence.text import Measured
+from streamdash.convergence.theta_spectra import ThetaSpectra
+from streamdash.convergence.verdicts import AGREES, SCATTER, Verdict, judge
+from streamdash.naming import mass_text
 from streamdash.plots.elements import (
     GREY,
     error_bars,
@@ -20,14 +26,8 @@ from streamdash.plots.elements import (
 )
 from streamdash.plots.live import Backend, use
 from streamdash.plots.spectrum import SCALES, area, scale_spans
-from streamdash.plots.style import mass_text
-from streamdash.spectrum import KINDS
-from streamdash.spectrum_ensembles import stored_spectra
-from streamdash.spectrum_lab import Knob, knob
-from streamdash.spectrum_text import Measured
-from streamdash.spectrum_theta import ThetaSpectra
-from streamdash.spectrum_verdicts import AGREES, SCATTER, Verdict, judge
-from streamdash.store import Cache, StoreError
+from streamdash.statistics.spectrum import KINDS
+from streamdash.store.cache import Cache, StoreError
 
 SEQUENCE = ("#4f6bd8", "#8a54d6", "#b94bb4", "#dc5186", "#ea7152", "#e8952a", "#c9ab00")
 """Colours of settings in their order, of middling lightness: right on light and dark, and from blue to
@@ -51,9 +51,9 @@ def convergence_figure(
     Parameters
     ----------
     cache
-        Where the spectra are; `streamdash.spectrum_ensembles.compute_missing` puts them there.
+        Where the spectra are; `streamdash.convergence.spectra.compute_missing` puts them there.
     key
-        Of `streamdash.spectrum_lab.KNOBS`.
+        Of `streamdash.convergence.knobs.KNOBS`.
     n_streams, seed
         Of the ensembles; the shipped ones by default.
     backend

@@ -10,13 +10,14 @@ import numpy as np
 import pandas as pd
 
 from streamdash.config import EnsembleConfig
-from streamdash.evidence_table import paper_value
+from streamdash.naming import class_colour, model_text
 from streamdash.plots.elements import error_bars, framed, level_lines, line, nice_top, points
 from streamdash.plots.live import Backend, use
-from streamdash.plots.style import INK, class_colour, model_text
+from streamdash.plots.style import INK
+from streamdash.statistics.cumulative import paper_value
 
 Tables = Sequence[dict[str, Any]]
-"""Result of `streamdash.evidence_table.cumulative_tables`."""
+"""Result of `streamdash.statistics.cumulative.cumulative_tables`."""
 
 
 def draw(tables: Tables, fiducial: int, backend: Backend, title: str = "", paper: bool = False) -> hv.Overlay:

@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 
 from streamdash.config import EnsembleConfig
-from streamdash.evidence import Comparison, compare, jeffreys
-from streamdash.evidence_checks import Growth
+from streamdash.naming import class_colour, model_text
 from streamdash.plots.elements import (
     error_bars,
     framed,
@@ -24,8 +23,9 @@ from streamdash.plots.elements import (
 )
 from streamdash.plots.live import Backend, Columns, use
 from streamdash.plots.pdf import BINS, EXCLUDED, Q_LABEL, collect, frame
-from streamdash.plots.style import class_colour, model_text
-from streamdash.store import Cache
+from streamdash.statistics.evidence import Comparison, compare, jeffreys
+from streamdash.statistics.evidence_growth import Growth
+from streamdash.store.cache import Cache
 
 LEVELS = (-5.0, -2.5, -1.0, 1.0, 2.5, 5.0)
 """Jeffreys' limits of weak, moderate and strong evidence, drawn dashed."""

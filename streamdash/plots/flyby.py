@@ -9,13 +9,13 @@ import numpy as np
 import xarray as xr
 
 from streamdash.config import StreamModel
-from streamdash.flyby import Film, Flyby, kick_along_stream
-from streamdash.geometry import load_geometry
+from streamdash.engine.flyby import Film, Flyby, kick_along_stream
 from streamdash.plots.elements import framed, level_lines, line, nice_top, points
 from streamdash.plots.live import Backend, use
 from streamdash.plots.style import COORDINATE_LABELS, INK, rising_alpha
-from streamdash.store import Cache
-from streamdash.survey_flyby import Scene, Seen, make_film, see, struck
+from streamdash.simulation.geometry import load_geometry
+from streamdash.store.cache import Cache
+from streamdash.survey.flyby import Scene, Seen, make_film, see, struck
 
 NOW, SMOOTH, STRUCK, STRIP, GAP = "now", "smooth", "struck", "strip", "gap"
 ALONG, ACROSS, TURN = "along", "across", "turn"

@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from streamdash.flyby import Film, Flyby, flyby_impacts
-from streamdash.geometry import TABLE_STEP, V0_KMS, Geometry, time_unit_gyr
-from streamdash.plots.style import MASS_UNIT, SUPERSCRIPT
-from streamdash.survey_flyby import Scene, Seen
+from streamdash.engine.flyby import Film, Flyby, flyby_impacts
+from streamdash.engine.galpy_streams import V0_KMS, time_unit_gyr
+from streamdash.engine.geometry import TABLE_STEP, Geometry
+from streamdash.naming import MASS_UNIT, SUPERSCRIPT
+from streamdash.survey.flyby import Scene, Seen
 
 FLAT = 0.005
 """Share of missing stars below which there is no gap to speak of."""

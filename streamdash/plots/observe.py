@@ -8,10 +8,11 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
-from streamdash.observation import Observation
+from streamdash.naming import class_colour
+from streamdash.observe.observation import Observation
 from streamdash.plots.elements import error_bars, framed, hover_spans, level_lines, nice_top, points
 from streamdash.plots.live import Backend, use
-from streamdash.plots.style import COORDINATE_LABELS, INK, class_colour
+from streamdash.plots.style import COORDINATE_LABELS, INK
 
 TOP = 6.0
 """Highest value shown, in units of the smooth curve."""
@@ -27,7 +28,7 @@ def draw(
     ----------
     observation : Observation
     bands : ndarray (n_classes, 3, n_bin) or None
-        `streamdash.verdict.Prepared.bands`; None draws the measurement alone.
+        `streamdash.observe.verdict.Prepared.bands`; None draws the measurement alone.
     backend : {"bokeh", "matplotlib"}
     dark : bool
         Whether the page is dark.

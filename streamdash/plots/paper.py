@@ -7,12 +7,12 @@ from pathlib import Path
 
 import holoviews as hv
 
-from streamdash.evidence import PAPER_N_BINS, Comparison, compare
+from streamdash.naming import mass_text
+from streamdash.paper.evidence import NOISE, THREE_CLASSES, TWO_CLASSES, Sample
 from streamdash.plots import convergence, evidence, pdf, profiles, spectrum
 from streamdash.plots.live import use
-from streamdash.plots.style import mass_text
-from streamdash.reproduce import NOISE, THREE_CLASSES, TWO_CLASSES, Sample
-from streamdash.store import Cache, StoreError
+from streamdash.statistics.evidence import PAPER_N_BINS, Comparison, compare
+from streamdash.store.cache import Cache, StoreError
 
 DPI = 150
 FIGURE_4_N_BIN = 20

@@ -10,9 +10,7 @@ import numpy as np
 import pandas as pd
 
 from streamdash.config import EnsembleConfig
-from streamdash.evidence import Comparison, compare
-from streamdash.geometry import load_geometry
-from streamdash.pdf import y_distribution
+from streamdash.naming import class_colour, model_text
 from streamdash.plots.elements import (
     frame_span,
     framed,
@@ -25,10 +23,12 @@ from streamdash.plots.elements import (
     steps,
 )
 from streamdash.plots.live import Backend, Columns, area_columns, use
-from streamdash.plots.style import class_colour, model_text
-from streamdash.store import Cache
-from streamdash.survey import add_noise, longitude_bins, q_rho
-from streamdash.survey_bands import noise_draws
+from streamdash.simulation.geometry import load_geometry
+from streamdash.statistics.evidence import Comparison, compare
+from streamdash.statistics.pdf import y_distribution
+from streamdash.store.cache import Cache
+from streamdash.survey.bands import noise_draws
+from streamdash.survey.sky import add_noise, longitude_bins, q_rho
 
 N_Y = 50
 """Bins of y in Π(y_α|M), as in the paper's figure 4."""

@@ -14,16 +14,11 @@ import numpy as np
 import pandas as pd
 
 from streamdash.config import EnsembleConfig
+from streamdash.naming import class_colour, model_text
 from streamdash.plots.live import TOOLS, Backend, area_columns, use
-from streamdash.plots.style import (
-    COORDINATE_LABELS,
-    INK,
-    class_colour,
-    model_text,
-    rising_alpha,
-)
-from streamdash.store import Cache
-from streamdash.survey_bands import Panel, collect, compute
+from streamdash.plots.style import COORDINATE_LABELS, INK, rising_alpha
+from streamdash.store.cache import Cache
+from streamdash.survey.bands import Panel, collect, compute
 
 QUANTITY_LABELS = {
     "q_rho": "Qρ = ρ / ρ̄",

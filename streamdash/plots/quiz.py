@@ -10,13 +10,14 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import uniform_filter1d
 
-from streamdash.classifier_data import LabelledStreams, read_streams
-from streamdash.classifier_quiz import Clue, draw_rounds, find_clue, learn, quiz_split
+from streamdash.classifier.data import LabelledStreams, read_streams
+from streamdash.classifier.quiz import Clue, draw_rounds, find_clue, learn, quiz_split
 from streamdash.config import EnsembleConfig, parse_mass_range
+from streamdash.naming import class_colour, mass_text
 from streamdash.plots.elements import framed, level_lines, line, nice_top, points, step_line
 from streamdash.plots.live import Backend, use
-from streamdash.plots.style import COORDINATE_LABELS, INK, class_colour, mass_text
-from streamdash.store import Cache
+from streamdash.plots.style import COORDINATE_LABELS, INK
+from streamdash.store.cache import Cache
 
 OBSERVED, AVERAGED, TRUTH = "observed", "averaged", "truth {}"
 """Labels of a round's elements; one for each class's truth, of which at most one is shown."""

@@ -9,23 +9,24 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
-from streamdash import survey
 from streamdash.config import EnsembleConfig
-from streamdash.geometry import load_geometry
+from streamdash.naming import class_colour, model_text
 from streamdash.plots.elements import GREY, framed, hover_spans, line
 from streamdash.plots.live import Backend, Columns, area_columns, use
-from streamdash.plots.style import INK, class_colour, model_text
-from streamdash.spectrum import KINDS, SpectrumBand, observed_spectra, shot_noise_level
-from streamdash.spectrum_bispectrum import Bispectrum
-from streamdash.spectrum_shown import (
+from streamdash.plots.style import INK
+from streamdash.simulation.geometry import load_geometry
+from streamdash.statistics.bispectrum import Bispectrum
+from streamdash.statistics.spectra_in_noise import (
     PAPER_APART_DEG,
     PAPER_DETECTED_DEG,
     Shown,
     Statement,
     show,
 )
-from streamdash.store import Cache
-from streamdash.survey_bands import noise_draws
+from streamdash.statistics.spectrum import KINDS, SpectrumBand, observed_spectra, shot_noise_level
+from streamdash.store.cache import Cache
+from streamdash.survey import sky
+from streamdash.survey.bands import noise_draws
 
 X_LABEL = "1/k (deg)"
 Y_LABELS = {
@@ -81,7 +82,7 @@ def collect(
     """
     configs = [e if isinstance(e, EnsembleConfig) else cache.find(e).config for e in ensembles]
     geometry = load_geometry(configs[0].stream, cache)
-    edges = survey.longitude_bins(geometry)
+    edges = sky.longitude_bins(geometry)
     n_bin, step = len(edges) - 1, abs(float(edges[1] - edges[0]))
     spectra = [
         observed_spectra(

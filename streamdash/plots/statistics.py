@@ -9,10 +9,10 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
+from streamdash.naming import class_colour
+from streamdash.paper.statistics import PDF, POWER, PROFILE, Kept
 from streamdash.plots.elements import GREY, framed, points
 from streamdash.plots.live import TOOLS, Backend, use
-from streamdash.plots.style import class_colour
-from streamdash.reproduce_statistics import PDF, POWER, PROFILE, Kept
 
 
 def draw_statistics(rows: Sequence[Kept], backend: Backend) -> hv.Overlay:

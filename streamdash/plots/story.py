@@ -8,17 +8,19 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
-from streamdash.classifier_data import read_streams
+from streamdash.classifier.data import read_streams
 from streamdash.config import EnsembleConfig, StreamModel
-from streamdash.flyby import Film, Flyby, film, flyby_impacts
-from streamdash.geometry import Geometry, load_geometry
+from streamdash.engine.flyby import Film, Flyby, film, flyby_impacts
+from streamdash.engine.geometry import Geometry
+from streamdash.naming import class_colour
 from streamdash.plots.elements import GREY, error_bars, framed, level_lines, line, points
 from streamdash.plots.flyby import HAND_COLOUR, draw_density
 from streamdash.plots.live import Backend, use
-from streamdash.plots.style import COORDINATE_LABELS, INK, class_colour
-from streamdash.store import Cache
-from streamdash.survey_flyby import struck
-from streamdash.survey_story import Pieces, Track, deviations, pieces, track
+from streamdash.plots.style import COORDINATE_LABELS, INK
+from streamdash.simulation.geometry import load_geometry
+from streamdash.store.cache import Cache
+from streamdash.survey.flyby import struck
+from streamdash.survey.story import Pieces, Track, deviations, pieces, track
 
 NOISE = "noise"
 DOTS = 240

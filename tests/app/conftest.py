@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from app.pages import PAGES
-from app.services import Services
+from app.pages.registry import PAGES
+from app.services.services import Services
+from app.session.session import Session
 from app.shell import Shell
-from app.state import Session
-from streamdash.store import Cache
+from streamdash.store.cache import Cache
 
 
 @pytest.fixture(scope="session")

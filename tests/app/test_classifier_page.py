@@ -11,10 +11,10 @@ from bokeh.document import Document
 from bokeh.events import Tap
 from bokeh.io.doc import set_curdoc
 
-from app.training import settings_of
-from app.work import Task, Watch, Work
-from streamdash.classifier_data import Cancelled
-from streamdash.classifier_model import BEST, PAPER
+from app.work.tasks import Task, Watch, Work
+from app.work.training import settings_of
+from streamdash.classifier.data import Cancelled
+from streamdash.classifier.model import BEST, PAPER
 from streamdash.plots.classifier import SHOWN_STREAMS
 
 TWO = "?page=classifier&mass=1e3-1e5,1e5-1e9&preset=paper&n_pca=8&features=pca"
@@ -214,7 +214,7 @@ def test_failures_are_one_sentence_and_can_be_tried_again(caplog):
 
 
 def test_finished_work_is_forgotten_when_there_is_too_much(monkeypatch):
-    monkeypatch.setattr("app.work.KEPT", 3)
+    monkeypatch.setattr("app.work.tasks.KEPT", 3)
     work = Work()
     for i in range(5):
         wait_for(work.ask(i, lambda *_: None))

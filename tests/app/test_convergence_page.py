@@ -12,15 +12,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from app.pages import PAGES
-from app.services import Services
+from app.pages.registry import PAGES
+from app.services.services import Services
+from app.session.session import Session
 from app.shell import Shell
-from app.state import Session
 from streamdash.config import EnsembleConfig, Perturbers, SpectraConfig
-from streamdash.spectrum_ensembles import missing
-from streamdash.spectrum_lab import KNOBS, Knob, Setting, knob
-from streamdash.spectrum_text import measure
-from streamdash.store import Cache
+from streamdash.convergence.knobs import KNOBS, Knob, Setting, knob
+from streamdash.convergence.spectra import missing
+from streamdash.convergence.text import measure
+from streamdash.store.cache import Cache
 
 CONVERGENCE = "?page=convergence"
 

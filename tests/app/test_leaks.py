@@ -15,14 +15,15 @@ from bokeh.document import Document
 from panel.util import edit_readonly
 
 from app import ui
-from app.pages.profiles import ProfilesPage
+from app.pages.profiles.page import ProfilesPage
 from app.serving import open_session
+from app.session.session import Session
 from app.shell import Shell
-from app.state import Session
+from app.ui import material
 from streamdash.plots.live import LiveFigure
 
 SESSIONS = int(os.environ.get("SESSIONS", "30"))
-KINDS = (Session, Shell, ProfilesPage, LiveFigure, Document, ui.pmui.Page)
+KINDS = (Session, Shell, ProfilesPage, LiveFigure, Document, material.pmui.Page)
 
 
 def alive() -> dict[str, int]:

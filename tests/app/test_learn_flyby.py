@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from app.state_learn import FLYBYS_MAX
-from streamdash.density import perturbed_stream
-from streamdash.flyby import FRAMES, Flyby, flyby_impacts, kick_along_stream
+from app.pages.learn.state import FLYBYS_MAX
+from streamdash.engine.density import perturbed_stream
+from streamdash.engine.flyby import FRAMES, Flyby, flyby_impacts, kick_along_stream
 from streamdash.plots import flyby as plot
-from streamdash.survey import longitude_bins
+from streamdash.survey.sky import longitude_bins
 
 FLYBY = "?page=learn&lesson=flyby"
 TWO_MORE = "&flybys=7,1,0.5,200,90,0,6,0.3~6.5,2,1,150,60,45,3,0.8"

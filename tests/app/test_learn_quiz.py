@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from streamdash.classifier_data import split
+from streamdash.classifier.data import split
 from streamdash.plots import quiz as plot
 
 QUIZ = "?page=learn&lesson=quiz"

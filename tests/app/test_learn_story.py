@@ -7,10 +7,10 @@ import re
 import numpy as np
 import pytest
 
-from app.compared import shared_comparison
-from app.learn_steps import STEPS
-from app.learn_text import GLOSSARY
-from app.state import Session
+from app.pages.learn.steps import STEPS
+from app.pages.learn.text import GLOSSARY
+from app.services.comparison import shared_comparison
+from app.session.session import Session
 from streamdash.plots import story
 
 STORY = "?page=learn"

@@ -62,7 +62,7 @@ def site(shipped_cache, tmp_path):
         "STREAMDASH_BEHIND_PROXY": "1",
         "STREAMDASH_SECRET": "one secret for both of the processes",
     }
-    serve = [sys.executable, "-m", "streamdash.cli", "serve", "--address", "127.0.0.1", "--port"]
+    serve = [sys.executable, "-m", "streamdash.cli.main", "serve", "--address", "127.0.0.1", "--port"]
     servers = [subprocess.Popen([*serve, str(port)], env=environment, cwd=ROOT) for port in (first, second)]
     command = [nginx, "-p", str(tmp_path), "-c", str(tmp_path / "nginx.conf"), "-g", "daemon off;"]
     front_process = subprocess.Popen(command)

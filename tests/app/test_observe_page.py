@@ -15,16 +15,16 @@ from bokeh.io.doc import set_curdoc
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.pages import PAGES
-from app.services import Services
+from app.pages.observe.state import Upload
+from app.pages.registry import PAGES
+from app.services.services import Services
+from app.session.session import Session
 from app.shell import Shell
-from app.state import Session
-from app.state_observe import Upload
-from app.upload import decoded
-from app.work import Task, Work
-from streamdash.observation_table import MAX_BYTES, UploadLimit
-from streamdash.store import Cache
-from streamdash.survey_mock import EXAMPLE, EXAMPLE_TRUTH
+from app.ui.upload import decoded
+from app.work.tasks import Task, Work
+from streamdash.observe.table import MAX_BYTES, UploadLimit
+from streamdash.store.cache import Cache
+from streamdash.survey.mock import EXAMPLE, EXAMPLE_TRUTH
 
 EXAMPLE_LINK = "?page=observe&example=yes"
 

@@ -9,13 +9,13 @@ import weakref
 import numpy as np
 import pytest
 
-from app.compared import noisy_profiles
-from app.pages.evidence import EvidencePage
-from app.pages.pdf import PdfPage
-from streamdash.evidence import PAPER_TABLE_1, compare
-from streamdash.evidence_table import cumulative_tables
-from streamdash.pdf import measure_pdfs
+from app.pages.evidence.page import EvidencePage
+from app.pages.pdf.page import PdfPage
+from app.services.comparison import noisy_profiles
 from streamdash.plots import evidence, pdf
+from streamdash.statistics.cumulative import cumulative_tables
+from streamdash.statistics.evidence import PAPER_TABLE_1, compare
+from streamdash.statistics.pdf import measure_pdfs
 
 PDF = "?page=pdf&mass=1e3-1e5,1e5-1e9"
 EVIDENCE = "?page=evidence&mass=1e3-1e5,1e5-1e9"

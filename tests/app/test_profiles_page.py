@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from app.pages.profiles import ProfilesPage
-from app.services import Services
+from app.pages.profiles.page import ProfilesPage
+from app.services.services import Services
+from app.session.session import Session
 from app.shell import Shell
-from app.state import Session
-from streamdash import survey, survey_bands
 from streamdash.plots import profiles
-from streamdash.store import Cache
+from streamdash.store.cache import Cache
+from streamdash.survey import bands, sky
 
 TWO = "?page=profiles&mass=1e3-1e5,1e5-1e9"
 
@@ -66,7 +66,7 @@ def test_the_same_noise_shows_the_same_figure_again(open_shell):
 def test_bands_are_the_quantiles_of_the_noisy_profiles(open_shell, services):
     shell = open_shell(TWO + "&noise=0.3")
     for index, choice in enumerate(shell.session.ensembles):
-        values = survey.add_noise(services.q_rho(choice), services.draws(choice), 0.3)
+        values = sky.add_noise(services.q_rho(choice), services.draws(choice), 0.3)
         expected = np.quantile(values, [0.16, 0.5, 0.84], axis=0)
         found = shown(shell, index, profiles.MEDIAN)
         for name, quantile in zip(("low", "q_rho", "high"), expected, strict=True):
@@ -76,7 +76,7 @@ def test_bands_are_the_quantiles_of_the_noisy_profiles(open_shell, services):
 def test_highlighted_lines_are_streams_of_the_ensemble_with_their_noise(open_shell, services):
     shell = open_shell(TWO + "&noise=0.1&highlight=4&seed=7")
     choice = shell.session.ensembles[1]
-    values = survey.add_noise(services.q_rho(choice), services.draws(choice), 0.1)
+    values = sky.add_noise(services.q_rho(choice), services.draws(choice), 0.1)
     lines = shown(shell, 1, profiles.HIGHLIGHTS)
     numbers = np.unique(lines["stream"])
     assert len(numbers) == 4
@@ -100,7 +100,7 @@ def test_image_counts_every_stream_where_nothing_leaves_the_frame(open_shell, se
     shell = open_shell(TWO + "&noise=0")
     choice = shell.session.ensembles[0]
     values = services.q_rho(choice)
-    rows, _ = np.histogram(values[:, 100], bins=survey_bands.IMAGE_ROWS, range=survey_bands.RANGES["q_rho"])
+    rows, _ = np.histogram(values[:, 100], bins=bands.IMAGE_ROWS, range=bands.RANGES["q_rho"])
     image = shown(shell, 0, profiles.STREAMS)["image"][0]
     assert image.dtype == np.uint8
     # Rounding at a cell's edge may move a stream to the next cell; an empty cell stays empty.
@@ -114,7 +114,7 @@ def test_every_quantity_along_every_coordinate(open_shell, quantity, coordinate)
     columns = shown(shell, 1, profiles.MEDIAN)
     assert {coordinate, quantity, "low", "high", "smooth"} == set(columns)
     assert np.isfinite(columns[quantity]).all()
-    low, high = survey_bands.RANGES[quantity]
+    low, high = bands.RANGES[quantity]
     assert (columns["low"] >= low).all()
     assert (columns["high"] <= high).all()
     figure = shell.page.live[1].figure

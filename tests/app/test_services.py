@@ -8,8 +8,8 @@ import time
 import numpy as np
 import pytest
 
-from app.services import Services
-from streamdash.store import Cache
+from app.services.services import Services
+from streamdash.store.cache import Cache
 
 
 @pytest.fixture

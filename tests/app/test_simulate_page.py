@@ -9,20 +9,20 @@ import pytest
 from bokeh.document import Document
 from bokeh.io.doc import set_curdoc
 
-from app.cache_watch import CacheWatch
-from app.catalog import read_catalog
-from app.knobs import BY_NAME, KNOBS, PRESETS, check, config_of, text_of, texts_of
-from app.outlook import duration, words_state
-from app.pages import PAGES
-from app.services import Services
+from app.pages.registry import PAGES
+from app.pages.simulate.forecast import duration, words_state
+from app.pages.simulate.knobs import BY_NAME, KNOBS, PRESETS, check, config_of, text_of, texts_of
+from app.services.cache_watch import CacheWatch
+from app.services.services import Services
 from app.serving import News
+from app.session.catalog import read_catalog
+from app.session.session import Session
 from app.shell import Shell
-from app.state import Session
 from streamdash.config import ConfigError, EnsembleConfig, Perturbers
-from streamdash.ensemble import simulate
-from streamdash.impacts import expected_impacts
-from streamdash.jobs import JobStatus, Limits
-from streamdash.store import Cache
+from streamdash.engine.impacts import expected_impacts
+from streamdash.simulation.ensemble import simulate
+from streamdash.simulation.jobs import JobStatus, Limits
+from streamdash.store.cache import Cache
 
 HERE = "?page=simulate&sim_mass=1e7-1e8&sim_n=60"
 CONFIG = EnsembleConfig(perturbers=Perturbers(mass_range="1e7-1e8"), n_streams=60)

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from app.compared import noisy_profiles
+from app.services.comparison import noisy_profiles
 from streamdash.plots import spectrum
-from streamdash.spectrum import band_of, power_spectrum
+from streamdash.statistics.spectrum import band_of, power_spectrum
 
 SPECTRUM = "?page=spectrum&mass=1e3-1e5,1e5-1e9"
 

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.catalog import Catalog, read_catalog
-from app.state import FIELDS, HIGHLIGHTS_MAX, N_BIN, QUANTITIES, SEED_MAX, Session, read_query
+from app.session.catalog import Catalog, read_catalog
+from app.session.session import FIELDS, HIGHLIGHTS_MAX, N_BIN, QUANTITIES, SEED_MAX, Session, read_query
 from streamdash.config import EnsembleConfig, Perturbers, StreamModel
 from streamdash.plots.style import COORDINATE_LABELS
-from streamdash.store import Entry
+from streamdash.store.cache import Entry
 
 PAGES = ("profiles", "pdf")
 RANGES = ("1e3-1e5", "1e5-1e7", "1e5-1e9", "1e7-1e9")

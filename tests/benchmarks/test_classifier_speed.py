@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from streamdash.classifier import train
-from streamdash.classifier_data import read_streams
-from streamdash.classifier_model import BEST, PAPER_CLASSES
-from streamdash.store import Cache
+from streamdash.classifier.data import read_streams
+from streamdash.classifier.model import BEST, PAPER_CLASSES
+from streamdash.classifier.train import train
+from streamdash.store.cache import Cache
 
 TRAINING_S = 10.0
 PREDICTION_S = 0.020

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from streamdash.config import Accuracy, EnsembleConfig, Perturbers
-from streamdash.density import stream_profile, trace_back
-from streamdash.geometry import R0_KPC, V0_KMS, galpy_gap
-from streamdash.impacts import Impacts, sample_impacts
-from streamdash.kicks import kick_tables
-from streamdash.kicks_impulse import gravity
+from streamdash.engine.density import stream_profile, trace_back
+from streamdash.engine.galpy_streams import R0_KPC, V0_KMS, galpy_gap
+from streamdash.engine.impacts import Impacts, sample_impacts
+from streamdash.engine.impulse import gravity
+from streamdash.engine.kicks import kick_tables
 
 GRID = EnsembleConfig()
 THETA = np.linspace(GRID.theta_min, GRID.theta_max, GRID.n_theta)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from streamdash.evidence import measure_evidence
-from streamdash.evidence_checks import bootstrap
-from streamdash.evidence_joint import joint_evidence
-from streamdash.pdf import measure_pdfs
+from streamdash.statistics.evidence import measure_evidence
+from streamdash.statistics.evidence_growth import bootstrap
+from streamdash.statistics.joint import joint_evidence
+from streamdash.statistics.pdf import measure_pdfs
 
 TARGET_S = 0.150
 NOISE = 0.1

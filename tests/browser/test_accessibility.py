@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 
-from app.pages import PAGES
+from app.pages.registry import PAGES
 
 GRAVE = {"serious", "critical"}
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from streamdash.observation_table import MAX_BYTES
-from streamdash.survey_mock import EXAMPLE
+from streamdash.observe.table import MAX_BYTES
+from streamdash.survey.mock import EXAMPLE
 
 pytestmark = pytest.mark.browser
 LONG_MS = 120_000

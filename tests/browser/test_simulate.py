@@ -10,8 +10,8 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from streamdash.config import EnsembleConfig, Perturbers
-from streamdash.ensemble import simulate
-from streamdash.store import Cache
+from streamdash.simulation.ensemble import simulate
+from streamdash.store.cache import Cache
 from tests.browser.driving import open_app, started
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]

@@ -4,7 +4,7 @@ from functools import cache
 
 import pytest
 
-from streamdash.geometry import galpy_gap
+from streamdash.engine.galpy_streams import galpy_gap
 
 
 @pytest.fixture(scope="session")

@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from streamdash.geometry import R0_KPC, TABLE_STEP, V0_KMS
-from streamdash.impacts import time_index
-from streamdash.kicks_impulse import gravity, velocity_kick
+from streamdash.engine.galpy_streams import R0_KPC, V0_KMS
+from streamdash.engine.geometry import TABLE_STEP
+from streamdash.engine.impacts import time_index
+from streamdash.engine.impulse import gravity, velocity_kick
 
 
 def kick_grids(geometry, impacts, spacing, profile="hernquist"):

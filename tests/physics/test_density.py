@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from streamdash.config import Accuracy, Perturbers
-from streamdash.density import perturbed_stream, stream_profile
-from streamdash.impacts import COLUMNS, Impacts, ImpactsError, sample_impacts
+from streamdash.engine.density import perturbed_stream, stream_profile
+from streamdash.engine.impacts import COLUMNS, Impacts, ImpactsError, sample_impacts
 from tests.physics.reference import march
 from tests.physics.test_kicks import CASES, hit_galpys, one
 

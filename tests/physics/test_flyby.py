@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from streamdash.config import ConfigError, Perturbers
-from streamdash.density import perturbed_stream
-from streamdash.flyby import Flyby, combine, film, flyby_impacts, kick_along_stream, random_impacts
-from streamdash.geometry import TABLE_STEP, time_unit_gyr
-from streamdash.impacts import COLUMNS, Impacts, ImpactsError, sample_impacts
-from streamdash.kicks import PAD, kick_tables
+from streamdash.engine.density import perturbed_stream
+from streamdash.engine.flyby import Flyby, combine, film, flyby_impacts, kick_along_stream, random_impacts
+from streamdash.engine.galpy_streams import time_unit_gyr
+from streamdash.engine.geometry import TABLE_STEP
+from streamdash.engine.impacts import COLUMNS, Impacts, ImpactsError, sample_impacts
+from streamdash.engine.kicks import PAD, kick_tables
 from tests.physics.reference import march
 
 TWO = [Flyby(log10_mass=7.5, time_gyr=5.0, place=0.4), Flyby(log10_mass=7, b=1, time_gyr=2.5, place=0.6)]

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from streamdash.config import StreamModel
-from streamdash.geometry import Geometry, compute_geometry, galpy_stream
+from streamdash.engine.galpy_streams import galpy_stream
+from streamdash.engine.geometry import Geometry
+from streamdash.simulation.geometry import compute_geometry
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy import integrate, stats
 
 from streamdash.config import Perturbers
-from streamdash.geometry import R0_KPC, V0_KMS, galpy_stream
-from streamdash.impacts import (
+from streamdash.engine.galpy_streams import R0_KPC, V0_KMS, galpy_stream
+from streamdash.engine.impacts import (
     COLUMNS,
     Impacts,
     ImpactsError,

@@ -11,10 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from streamdash.config import Accuracy
-from streamdash.geometry import R0_KPC, TABLE_STEP, V0_KMS
-from streamdash.impacts import Impacts
-from streamdash.kicks import PAD, kick_tables
-from streamdash.kicks_impulse import gravity, hernquist_factor, velocity_kick
+from streamdash.engine.galpy_streams import R0_KPC, V0_KMS
+from streamdash.engine.geometry import TABLE_STEP
+from streamdash.engine.impacts import Impacts
+from streamdash.engine.impulse import gravity, hernquist_factor, velocity_kick
+from streamdash.engine.kicks import PAD, kick_tables
 
 GALPY = {"hernquist": impulse_deltav_hernquist_curvedstream, "plummer": impulse_deltav_plummer_curvedstream}
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from streamdash.cli import app
+from streamdash.cli.main import app
 
 
 def run(*arguments: str | Path, exit_code: int = 0):

@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from streamdash.config import EnsembleConfig, Perturbers, StreamModel
-from streamdash.store import CHUNK, Cache
+from streamdash.store.cache import CHUNK, Cache
 
 CONFIG = EnsembleConfig(
     stream=StreamModel(n_times=4), perturbers=Perturbers(mass_range="1e3-1e5"), n_streams=120, n_theta=64

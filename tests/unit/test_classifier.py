@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from streamdash.classifier import fit_temperature, model_key, train
-from streamdash.classifier_data import (
+from streamdash.classifier.data import (
     Cancelled,
     ClassifierError,
     LabelledStreams,
     augmented,
     split,
 )
-from streamdash.classifier_model import BEST, PAPER, Boosting, ClassifierConfig
-from streamdash.features import ALL_SUMMARIES, FeatureMap, FeatureSet, summarise
-from streamdash.scores import calibration
+from streamdash.classifier.model import BEST, PAPER, Boosting, ClassifierConfig
+from streamdash.classifier.train import fit_temperature, model_key, train
+from streamdash.statistics.features import ALL_SUMMARIES, FeatureMap, FeatureSet, summarise
+from streamdash.statistics.scores import calibration
 
 LABELS = ("1e3-1e5", "1e5-1e7", "1e7-1e9")
 N_BINS = 60

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from streamdash.classifier_data import LabelledStreams
-from streamdash.classifier_quiz import (
+from streamdash.classifier.data import LabelledStreams
+from streamdash.classifier.quiz import (
     ROUNDS,
     WIDTHS,
     draw_rounds,

@@ -7,11 +7,11 @@ import json
 import numpy as np
 import pytest
 
-from streamdash.classifier_data import LabelledStreams
-from streamdash.classifier_results import classifier_markdown, results_of
-from streamdash.cli import app
+from streamdash.classifier.data import LabelledStreams
+from streamdash.cli.main import app
 from streamdash.config import EnsembleConfig, Perturbers
-from streamdash.ensemble import simulate
+from streamdash.paper.classifier import classifier_markdown, results_of
+from streamdash.simulation.ensemble import simulate
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sklearn import metrics
 
-from streamdash.scores import calibration, count_scores, evaluate, roc
+from streamdash.statistics.scores import calibration, count_scores, evaluate, roc
 
 
 def test_scores_of_counts_made_by_hand():

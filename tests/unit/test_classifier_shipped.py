@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from streamdash.classifier import train
-from streamdash.classifier_data import read_streams
-from streamdash.classifier_model import BEST, PAPER, PAPER_CLASSES, PAPER_SCORES
-from streamdash.store import Cache
+from streamdash.classifier.data import read_streams
+from streamdash.classifier.model import BEST, PAPER, PAPER_CLASSES, PAPER_SCORES
+from streamdash.classifier.train import train
+from streamdash.store.cache import Cache
 
 NOISE = 0.1
 

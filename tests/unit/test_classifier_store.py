@@ -10,11 +10,11 @@ import sys
 import numpy as np
 import pytest
 
-from streamdash.classifier import judge, model_key, train
-from streamdash.classifier_data import ClassifierError, LabelledStreams
-from streamdash.classifier_model import Boosting, ClassifierConfig
-from streamdash.classifier_store import ModelFileError, ModelStore, read_model, write_model
-from streamdash.features import FeatureSet
+from streamdash.classifier.data import ClassifierError, LabelledStreams
+from streamdash.classifier.model import Boosting, ClassifierConfig
+from streamdash.classifier.store import ModelFileError, ModelStore, read_model, write_model
+from streamdash.classifier.train import judge, model_key, train
+from streamdash.statistics.features import FeatureSet
 
 SETTINGS = ClassifierConfig(
     features=FeatureSet(n_pca=4, scales=(3, 9)),
@@ -62,7 +62,7 @@ def test_fresh_process_predicts_the_same(folder, streams, classifier):
     np.save(folder / "q.npy", q)
     code = (
         "import sys, numpy as np; from pathlib import Path\n"
-        "from streamdash.classifier_store import read_model\n"
+        "from streamdash.classifier.store import read_model\n"
         "d = Path(sys.argv[1])\n"
         "np.save(d / 'p.npy', read_model(d).predict_proba(np.load(d / 'q.npy')))\n"
     )

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from streamdash.classifier import train
-from streamdash.classifier_data import Cancelled, LabelledStreams, split
-from streamdash.classifier_model import Boosting, ClassifierConfig
-from streamdash.classifier_studies import compare, grid_search, importance, learning_curve, noise_curve
-from streamdash.features import FeatureSet
+from streamdash.classifier.data import Cancelled, LabelledStreams, split
+from streamdash.classifier.model import Boosting, ClassifierConfig
+from streamdash.classifier.studies import compare, grid_search, importance, learning_curve, noise_curve
+from streamdash.classifier.train import train
+from streamdash.statistics.features import FeatureSet
 
 N_BINS = 40
 SETTINGS = ClassifierConfig(

@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from streamdash import survey
-from streamdash.cli_stream import COLUMNS
+from streamdash.cli.stream import COLUMNS
 from streamdash.config import EnsembleConfig, Perturbers, StreamModel
-from streamdash.density import perturbed_stream
-from streamdash.geometry import load_geometry
-from streamdash.impacts import Impacts, expected_impacts, sample_impacts
+from streamdash.engine.density import perturbed_stream
+from streamdash.engine.impacts import Impacts, expected_impacts, sample_impacts
+from streamdash.simulation.geometry import load_geometry
+from streamdash.survey import sky
 from tests.unit.commands import refused, run
 
 SIMULATE = ["simulate", "--mass", "1e5-1e7", "--streams", "60", "--n-theta", "30", "--executor", "inline"]
@@ -199,7 +199,7 @@ def test_stream_computes_the_profile_of_a_table(geometry_cache, geometry, impact
     expected = perturbed_stream(geometry, Impacts.read_csv(impacts, geometry), theta, profile)
     for name in ("theta", "density", "smooth", "q_rho", "omega"):
         np.testing.assert_allclose(table[name], expected[name], rtol=1e-8)
-    np.testing.assert_allclose(table.ell, survey.theta_to_ell(geometry, theta), rtol=1e-8)
+    np.testing.assert_allclose(table.ell, sky.theta_to_ell(geometry, theta), rtol=1e-8)
 
 
 def test_without_impacts_q_is_one(geometry_cache, impacts, tmp_path):
@@ -312,7 +312,7 @@ def test_removing_may_be_declined(cache, toy):
     arguments = [
         sys.executable,
         "-m",
-        "streamdash.cli",
+        "streamdash.cli.main",
         "cache",
         "remove",
         path.name,

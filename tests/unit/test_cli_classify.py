@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from streamdash.observation import read_observation
-from streamdash.report import report
-from streamdash.store import Cache
-from streamdash.survey_mock import EXAMPLE, EXAMPLE_TRUTH
-from streamdash.verdict import judge, prepare
+from streamdash.observe.observation import read_observation
+from streamdash.observe.report import report
+from streamdash.observe.verdict import judge, prepare
+from streamdash.store.cache import Cache
+from streamdash.survey.mock import EXAMPLE, EXAMPLE_TRUTH
 from tests.unit.commands import refused, run
 
 

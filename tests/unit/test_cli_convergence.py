@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from streamdash.cli import app
-from streamdash.spectrum_lab import KNOBS, knob
-from streamdash.spectrum_text import convergence_markdown, cost, measure
-from streamdash.spectrum_verdicts import AGREES
-from streamdash.store import Cache
+from streamdash.cli.main import app
+from streamdash.convergence.knobs import KNOBS, knob
+from streamdash.convergence.text import convergence_markdown, cost, measure
+from streamdash.convergence.verdicts import AGREES
+from streamdash.store.cache import Cache
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "convergence.md"
 

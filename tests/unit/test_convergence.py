@@ -6,13 +6,19 @@ import numpy as np
 import pytest
 
 from streamdash.config import ConfigError, EnsembleConfig, Perturbers, SpectraConfig, StreamModel
-from streamdash.ensemble import Stopped, simulate
-from streamdash.geometry import progenitor_radius
-from streamdash.spectrum import KINDS, SpectrumBand
-from streamdash.spectrum_ensembles import WORKSHOP, compute_missing, ensemble_spectra, missing, stored_spectra
-from streamdash.spectrum_lab import KNOBS, N_STREAMS, Knob, Setting, knob, orbital_phases
-from streamdash.spectrum_theta import ThetaSpectra, theta_spectra
-from streamdash.spectrum_verdicts import judge, verdict_sentence, verdict_word
+from streamdash.convergence.knobs import KNOBS, N_STREAMS, Knob, Setting, knob, orbital_phases
+from streamdash.convergence.spectra import (
+    WORKSHOP,
+    compute_missing,
+    ensemble_spectra,
+    missing,
+    stored_spectra,
+)
+from streamdash.convergence.theta_spectra import ThetaSpectra, theta_spectra
+from streamdash.convergence.verdicts import judge, verdict_sentence, verdict_word
+from streamdash.engine.galpy_streams import progenitor_radius
+from streamdash.simulation.ensemble import Stopped, simulate
+from streamdash.statistics.spectrum import KINDS, SpectrumBand
 
 SCALE = np.array([54.0, 27.0, 18.0])
 SMALL = SpectraConfig(ensemble=EnsembleConfig(n_streams=12, n_theta=60))
@@ -122,7 +128,7 @@ def test_words_of_verdicts():
 @pytest.fixture(scope="module")
 def simulated(shipped_cache):
     """A few streams, for spectra of them."""
-    from streamdash.store import Cache
+    from streamdash.store.cache import Cache
 
     config = next(
         e.config

@@ -21,12 +21,12 @@ from pathlib import Path
 import pytest
 from bokeh.client import pull_session
 
-from streamdash.cli_common import InputError
-from streamdash.cli_deploy import Deployment, check, server_arguments, server_environment, settings_table
+from streamdash.cli.common import InputError
+from streamdash.cli.deploy import Deployment, check, server_arguments, server_environment, settings_table
 from streamdash.config import ConfigError
-from streamdash.config_environment import PREFIX
-from streamdash.jobs_limits import Limits
-from streamdash.observation_table import UploadLimit
+from streamdash.observe.table import UploadLimit
+from streamdash.settings import PREFIX
+from streamdash.simulation.limits import Limits
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "deployment.md"
 SECRET = "0123456789abcdef0123456789abcdef"
@@ -178,7 +178,8 @@ def running(**variables: str) -> Iterator[str]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    command = [sys.executable, "-m", "streamdash.cli", "serve", "--port", str(port), "--address", "127.0.0.1"]
+    serve = [sys.executable, "-m", "streamdash.cli.main", "serve"]
+    command = [*serve, "--port", str(port), "--address", "127.0.0.1"]
     server = subprocess.Popen(
         command, env={**os.environ, **variables}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )

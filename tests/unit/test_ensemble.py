@@ -15,14 +15,22 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from streamdash import ensemble
 from streamdash.config import Accuracy, EnsembleConfig, Perturbers
-from streamdash.density import perturbed_stream
-from streamdash.ensemble import CHUNK, Stopped, WorkerError, estimate, simulate, stream_rng, theta_grid
-from streamdash.geometry import load_geometry
-from streamdash.impacts import expected_impacts, sample_impacts
-from streamdash.store import Cache
-from streamdash.workers import results
+from streamdash.engine.density import perturbed_stream
+from streamdash.engine.impacts import expected_impacts, sample_impacts
+from streamdash.simulation import ensemble
+from streamdash.simulation.ensemble import (
+    CHUNK,
+    Stopped,
+    WorkerError,
+    estimate,
+    simulate,
+    stream_rng,
+    theta_grid,
+)
+from streamdash.simulation.geometry import load_geometry
+from streamdash.simulation.workers import results
+from streamdash.store.cache import Cache
 from tests.unit.processes import children, living
 
 
@@ -259,7 +267,7 @@ def test_who_waits_for_another_sees_its_progress_and_can_stop(config, geometry_c
 def command(config: EnsembleConfig, cache: Cache, n_streams: int) -> list[str]:
     """Command line of a simulation like `config`, of `n_streams` streams."""
     return [
-        *(sys.executable, "-m", "streamdash.cli", "simulate", "--mass", config.perturbers.label),
+        *(sys.executable, "-m", "streamdash.cli.main", "simulate", "--mass", config.perturbers.label),
         *("--streams", str(n_streams), "--n-theta", str(config.n_theta)),
         *("--workers", "2", "--cache", str(cache.roots[0])),
     ]
@@ -315,7 +323,8 @@ def test_after_a_kill_the_same_command_gives_the_same_bytes(config, geometry_cac
 
 def test_workers_of_a_killed_process_end_even_when_they_never_had_work(start):
     script = (
-        "import time; from streamdash.workers import results; list(results(time.sleep, [(0,)], workers=4))"
+        "import time; from streamdash.simulation.workers import results; "
+        "list(results(time.sleep, [(0,)], workers=4))"
     )
     process = start([sys.executable, "-c", f"{script}; print('ready', flush=True); time.sleep(100)"])
     assert process.stdout.readline().strip() == "ready"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from streamdash.evidence import (
+from streamdash.statistics.evidence import (
     Evidence,
     Rules,
     far_from_peak,
@@ -13,10 +13,10 @@ from streamdash.evidence import (
     measure_evidence,
     measured_width,
 )
-from streamdash.evidence_checks import bootstrap, growth
-from streamdash.evidence_joint import decorrelated_components, joint_evidence
-from streamdash.evidence_overlap import overlap_integrals
-from streamdash.pdf import Pdfs, measure_pdfs
+from streamdash.statistics.evidence_growth import bootstrap, growth
+from streamdash.statistics.joint import decorrelated_components, joint_evidence
+from streamdash.statistics.overlap import overlap_integrals
+from streamdash.statistics.pdf import Pdfs, measure_pdfs
 
 
 @pytest.fixture

@@ -7,11 +7,11 @@ import time
 import pytest
 
 from streamdash.config import ConfigError, EnsembleConfig, Perturbers, StreamModel
-from streamdash.ensemble import background, simulate
-from streamdash.geometry import load_geometry
-from streamdash.jobs import Jobs, Limits, Refused
-from streamdash.jobs_status import Pace
-from streamdash.store import Cache
+from streamdash.simulation.ensemble import background, simulate
+from streamdash.simulation.geometry import load_geometry
+from streamdash.simulation.jobs import Jobs, Limits, Refused
+from streamdash.simulation.status import Pace
+from streamdash.store.cache import Cache
 
 
 @pytest.fixture(scope="module")

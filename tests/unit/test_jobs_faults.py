@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 
 from streamdash.config import EnsembleConfig, Perturbers, StreamModel
-from streamdash.ensemble import simulate
-from streamdash.geometry import load_geometry
-from streamdash.jobs import Jobs, Limits
-from streamdash.store import Cache
+from streamdash.simulation.ensemble import simulate
+from streamdash.simulation.geometry import load_geometry
+from streamdash.simulation.jobs import Jobs, Limits
+from streamdash.store.cache import Cache
 from tests.unit.processes import children, living
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,9 +29,9 @@ ROOT = Path(__file__).resolve().parents[2]
 SERVER = """
 import sys
 from streamdash.config import EnsembleConfig
-from streamdash.geometry import load_geometry
-from streamdash.jobs import Jobs, Limits
-from streamdash.store import Cache
+from streamdash.simulation.geometry import load_geometry
+from streamdash.simulation.jobs import Jobs, Limits
+from streamdash.store.cache import Cache
 jobs = Jobs(Cache.default(sys.argv[1]), Limits(workers=2, nice=0))
 key = jobs.submit(EnsembleConfig.parse(sys.argv[2]), "me")
 status = jobs.wait(key, 120)
@@ -163,7 +163,8 @@ def test_two_servers_and_the_command_line_on_one_cache_in_an_odd_place(
     shutil.copytree(geometry_root, root)
     cache = Cache.default(root)
     command = ["--mass", config.perturbers.label, "--streams", config.n_streams, "--n-theta", config.n_theta]
-    line = [sys.executable, "-m", "streamdash.cli", "simulate", *command, "--workers", 2, "--cache", root]
+    program = [sys.executable, "-m", "streamdash.cli.main", "simulate"]
+    line = [*program, *command, "--workers", 2, "--cache", root]
     both = [server(cache) for _ in range(2)]
     one = launch(*line, LC_ALL="C", LANG="tr_TR", TZ="Antarctica/Troll", PYTHONUTF8="0")
     for process in both:
@@ -228,8 +229,8 @@ def test_a_killed_geometry_goes_on_where_it_was_and_is_computed_once(tmp_path, l
     script = """
 import sys
 from streamdash.config import StreamModel
-from streamdash.geometry import load_geometry
-from streamdash.store import Cache
+from streamdash.simulation.geometry import load_geometry
+from streamdash.store.cache import Cache
 load_geometry(StreamModel.parse(sys.argv[2]), Cache.default(sys.argv[1]), workers=1)
 """
     process = launch(sys.executable, "-c", script, cache.roots[0], stream.model_dump_json())

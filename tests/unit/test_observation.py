@@ -8,10 +8,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from streamdash.config import ConfigError
-from streamdash.observation import interpret, read_observation
-from streamdash.observation_guess import Assumptions, changed, guess
-from streamdash.observation_table import MAX_BYTES, MAX_NAME, MAX_ROWS, ObservationError, read_table
-from streamdash.survey_observed import AS_IS, ORDER_MAX
+from streamdash.observe.guess import Assumptions, changed, guess
+from streamdash.observe.observation import interpret, read_observation
+from streamdash.observe.table import MAX_BYTES, MAX_NAME, MAX_ROWS, ObservationError, read_table
+from streamdash.survey.design import AS_IS, ORDER_MAX
 
 PHI1 = np.arange(-90.0, -28.0, 2.0)
 Q = 1 + 0.3 * np.sin(PHI1 / 7)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from streamdash.pdf import (
+from streamdash.statistics.pdf import (
     Pdfs,
     bin_edges,
     common_range,

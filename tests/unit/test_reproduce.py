@@ -11,16 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from streamdash import reproduce_choices
-from streamdash.cli import app
-from streamdash.cli_reproduce import rounded
-from streamdash.evidence import PAPER_N_BINS, PAPER_TABLE_1, measure_evidence
-from streamdash.pdf import measure_pdfs
-from streamdash.reproduce import THREE_CLASSES, TWO_CLASSES, find_entries, load_sample, measure
-from streamdash.reproduce_choices import CHOICES, measure_choices
-from streamdash.reproduce_differences import NOTES, differences
-from streamdash.reproduce_text import table_csv, table_markdown, table_rows
-from streamdash.store import Cache, StoreError
+from streamdash.cli.main import app
+from streamdash.cli.reproduce import rounded
+from streamdash.paper import choices as reproduce_choices
+from streamdash.paper.choices import CHOICES, measure_choices
+from streamdash.paper.differences import NOTES, differences
+from streamdash.paper.evidence import THREE_CLASSES, TWO_CLASSES, find_entries, load_sample, measure
+from streamdash.paper.tables import table_csv, table_markdown, table_rows
+from streamdash.statistics.evidence import PAPER_N_BINS, PAPER_TABLE_1, measure_evidence
+from streamdash.statistics.pdf import measure_pdfs
+from streamdash.store.cache import Cache, StoreError
 
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "docs" / "reproduction" / "results.json"

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from streamdash import survey
-from streamdash.spectrum import (
+from streamdash.statistics.bispectrum import bispectrum, bispectrum_slice, rao_gabr_window
+from streamdash.statistics.spectra_in_noise import check_statements, from_scale, show
+from streamdash.statistics.spectrum import (
     SpectrumBand,
     band_of,
     cross_spectrum,
@@ -16,8 +17,7 @@ from streamdash.spectrum import (
     shot_noise_level,
     track_ratio,
 )
-from streamdash.spectrum_bispectrum import bispectrum, bispectrum_slice, rao_gabr_window
-from streamdash.spectrum_shown import check_statements, from_scale, show
+from streamdash.survey import sky
 
 N, STEP = 400, 0.2
 X = STEP * np.arange(N)
@@ -134,7 +134,7 @@ def test_the_track_ratio_is_one_for_the_smooth_stream_and_nowhere_without_stars(
     ensemble = xr.Dataset(
         {"omega": (("stream", "theta"), omega), "omega_smooth": ("theta", smooth)}, {"theta": theta}
     )
-    ratio = track_ratio(geometry, ensemble, survey.longitude_bins(geometry))
+    ratio = track_ratio(geometry, ensemble, sky.longitude_bins(geometry))
     np.testing.assert_allclose(ratio[0], 1.0, rtol=1e-6)
     np.testing.assert_allclose(ratio[1], 1.1, rtol=1e-6)
     assert np.isnan(ratio[2]).any()

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from streamdash.classifier_data import LabelledStreams
-from streamdash.classifier_model import BEST, Boosting
-from streamdash.plots.statistics import draw_statistics, statistics_sentence, statistics_table
-from streamdash.reproduce_statistics import (
+from streamdash.classifier.data import LabelledStreams
+from streamdash.classifier.model import BEST, Boosting
+from streamdash.paper.statistics import (
     PDF,
     POWER,
     PROFILE,
@@ -23,6 +22,7 @@ from streamdash.reproduce_statistics import (
     statistics_markdown,
     statistics_numbers,
 )
+from streamdash.plots.statistics import draw_statistics, statistics_sentence, statistics_table
 
 QUICK = BEST.model_copy(update={"boosting": Boosting(n_estimators=30, max_depth=2), "copies": 1})
 N, BINS = 160, 120

@@ -21,8 +21,8 @@ import pytest
 import xarray as xr
 
 from streamdash.config import EnsembleConfig, StreamModel
-from streamdash.store import CHUNK, BusyError, Cache, StoreError
-from streamdash.store_entry import explained
+from streamdash.store.cache import CHUNK, BusyError, Cache, StoreError
+from streamdash.store.entry import explained
 
 
 @pytest.fixture
@@ -240,7 +240,7 @@ SCRIPT = textwrap.dedent(
     import os, sys
     sys.path[:0] = sys.argv[2:4]
     from conftest import *
-    from streamdash.store import StoreError
+    from streamdash.store.cache import StoreError
     fill(Cache.default(sys.argv[4]))  # everything is imported before rights are given up
     if os.geteuid() == 0:
         os.setgroups([]); os.setgid(65534); os.setuid(65534)

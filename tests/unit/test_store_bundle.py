@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from streamdash.cli import app
+from streamdash.cli.main import app
 from streamdash.config import StreamModel
-from streamdash.store import Cache, StoreError
-from streamdash.store_bundle import export_entry, import_entry
-from streamdash.store_entry import sha256
+from streamdash.store.bundle import export_entry, import_entry
+from streamdash.store.cache import Cache, StoreError
+from streamdash.store.entry import sha256
 
 
 @pytest.fixture
@@ -181,7 +181,7 @@ def test_geometries_with_strange_arrays_are_refused(shipped_cache, elsewhere, tm
 
 
 def test_values_that_no_simulation_gives_are_refused(toy, exported, elsewhere, tmp_path):
-    from streamdash.store_codec import encode_ensemble_header
+    from streamdash.store.codec import encode_ensemble_header
 
     other = toy.BACKGROUND.assign_coords(theta=toy.THETA + 0.1)
     moved = {f"data.zarr/{n}": data for n, data in encode_ensemble_header(toy.CONFIG, other).items()}

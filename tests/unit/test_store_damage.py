@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from streamdash.store import StoreError
+from streamdash.store.cache import StoreError
 
 # ------------------------------------------------------------------ damage
 

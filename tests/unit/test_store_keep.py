@@ -9,11 +9,11 @@ import time
 import pytest
 from typer.testing import CliRunner
 
-from streamdash.cli import app
+from streamdash.cli.main import app
 from streamdash.config import EnsembleConfig, Perturbers
-from streamdash.ensemble import simulate
-from streamdash.store import Cache, StoreError
-from streamdash.store_keep import IN_USE_S, last_used, make_room, mark_used, own_entries, prune, room_for
+from streamdash.simulation.ensemble import simulate
+from streamdash.store.cache import Cache, StoreError
+from streamdash.store.keeping import IN_USE_S, last_used, make_room, mark_used, own_entries, prune, room_for
 
 
 @pytest.fixture
@@ -149,7 +149,7 @@ def test_repair_computes_damaged_chunks_again(toy, geometry_cache, config):
 
 
 def test_repair_keeps_what_is_sound_of_an_unfinished_ensemble(toy, geometry_cache, config):
-    from streamdash.ensemble import Stopped
+    from streamdash.simulation.ensemble import Stopped
 
     reported = []
     with pytest.raises(Stopped):

@@ -8,9 +8,9 @@ import pytest
 import xarray as xr
 
 from streamdash.config import StreamModel
-from streamdash.store import BusyError, Cache, StoreError
-from streamdash.store_parts import part_files, parts_folder
-from streamdash.store_title import check_title
+from streamdash.store.cache import BusyError, Cache, StoreError
+from streamdash.store.parts import part_files, parts_folder
+from streamdash.store.titles import check_title
 
 
 @pytest.fixture

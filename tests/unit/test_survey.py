@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import integrate
 
-from streamdash import survey
+from streamdash.survey import sky
 
-THETA = np.linspace(*survey.THETA_WINDOW, 400)
+THETA = np.linspace(*sky.THETA_WINDOW, 400)
 
 
 def ensemble(geometry, density: np.ndarray) -> xr.Dataset:
@@ -26,7 +26,7 @@ def ensemble(geometry, density: np.ndarray) -> xr.Dataset:
 
 @pytest.fixture(scope="module")
 def edges(geometry):
-    return survey.longitude_bins(geometry)
+    return sky.longitude_bins(geometry)
 
 
 # ------------------------------------------------------------------ positions
@@ -36,19 +36,19 @@ def edges(geometry):
 def test_longitudes_are_those_of_galpys_track(geometry, theta, ell):
     """The reference angles are quoted to three digits: half a unit of the last is up to 0.07°."""
     rounding = 0.0005 if theta else 0.0
-    low, high = survey.theta_to_ell(geometry, [max(theta - rounding, 0.0), theta + rounding])
+    low, high = sky.theta_to_ell(geometry, [max(theta - rounding, 0.0), theta + rounding])
     assert low - 0.005 <= ell <= high + 0.005
 
 
 @pytest.mark.parametrize(("theta", "phi1"), [(0.058, -28.9), (0.75, -87.3)])
 def test_phi1_is_that_of_the_gd1_frame(geometry, theta, phi1):
-    assert survey.theta_to_phi1(geometry, theta) == pytest.approx(phi1, abs=0.06)
+    assert sky.theta_to_phi1(geometry, theta) == pytest.approx(phi1, abs=0.06)
 
 
 @pytest.mark.parametrize("coordinate", ["ell", "phi1"])
 def test_conversions_invert_each_other(geometry, coordinate):
-    forth = getattr(survey, f"theta_to_{coordinate}")
-    back = getattr(survey, f"{coordinate}_to_theta")
+    forth = getattr(sky, f"theta_to_{coordinate}")
+    back = getattr(sky, f"{coordinate}_to_theta")
     np.testing.assert_allclose(back(geometry, forth(geometry, THETA)), THETA, atol=1e-12)
     np.testing.assert_allclose(back(geometry, forth(geometry, THETA) - 720), THETA, atol=1e-11)
 
@@ -56,11 +56,11 @@ def test_conversions_invert_each_other(geometry, coordinate):
 @pytest.mark.parametrize(
     ("convert", "value", "words"),
     [
-        (survey.theta_to_ell, -0.01, "theta -0.01 rad is off the stream's track, 0 to"),
-        (survey.theta_to_phi1, 3.0, "theta 3 rad is off"),
-        (survey.ell_to_theta, 160.0, "ell 160° is off the stream's track, 161.1 to"),
-        (survey.ell_to_theta, [170.0, np.nan], "ell nan° is off"),
-        (survey.phi1_to_theta, 20.0, "phi1 20° is off"),
+        (sky.theta_to_ell, -0.01, "theta -0.01 rad is off the stream's track, 0 to"),
+        (sky.theta_to_phi1, 3.0, "theta 3 rad is off"),
+        (sky.ell_to_theta, 160.0, "ell 160° is off the stream's track, 161.1 to"),
+        (sky.ell_to_theta, [170.0, np.nan], "ell nan° is off"),
+        (sky.phi1_to_theta, 20.0, "phi1 20° is off"),
     ],
 )
 def test_positions_off_the_track_are_refused(geometry, convert, value, words):
@@ -72,7 +72,7 @@ def test_a_longitude_that_turns_back_is_refused(geometry):
     ell = geometry.track_ell.copy()
     ell[500:] = ell[500] - (ell[500:] - ell[500])
     with pytest.raises(ValueError, match="ell turns back along this stream; use theta"):
-        survey.ell_to_theta(replace(geometry, track_ell=ell), 170.0)
+        sky.ell_to_theta(replace(geometry, track_ell=ell), 170.0)
 
 
 # ------------------------------------------------------------------ bins
@@ -82,19 +82,19 @@ def test_the_default_window_holds_347_bins(geometry, edges):
     assert edges.shape == (348,)
     np.testing.assert_allclose(np.diff(edges), 0.2, rtol=1e-3)
     assert (edges[0], edges[-1]) == pytest.approx((165.53, 234.91), abs=0.01)
-    np.testing.assert_allclose(survey.ell_to_theta(geometry, edges[[0, -1]]), survey.THETA_WINDOW)
+    np.testing.assert_allclose(sky.ell_to_theta(geometry, edges[[0, -1]]), sky.THETA_WINDOW)
 
 
 @pytest.mark.parametrize("width", [0.0, -1.0, np.nan, np.inf])
 def test_bins_need_a_positive_width(geometry, width):
     with pytest.raises(ValueError, match="width must be a positive number"):
-        survey.longitude_bins(geometry, width)
+        sky.longitude_bins(geometry, width)
 
 
 def test_bin_means_are_the_exact_integrals(geometry, edges):
     values = np.random.default_rng(1).uniform(0, 2, (3, 400))
-    means = survey.observe(geometry, THETA, values, edges)
-    ends = survey.ell_to_theta(geometry, edges)
+    means = sky.observe(geometry, THETA, values, edges)
+    ends = sky.ell_to_theta(geometry, edges)
     for j in (0, 100, 346):
         a, b = ends[j], ends[j + 1]
         knots = THETA[(THETA > a) & (THETA < b)]
@@ -108,20 +108,18 @@ def test_no_star_is_lost_or_counted_twice(geometry, cuts):
     """However the window is cut, the bins' stars add up to all stars."""
     values = np.random.default_rng(2).uniform(0, 2, 400)
     edges = np.concatenate([[THETA[0]], THETA[sorted(cuts)] - 0.0007, [THETA[-1]]])
-    stars = survey.observe(geometry, THETA, values, edges, "theta") * np.diff(edges)
+    stars = sky.observe(geometry, THETA, values, edges, "theta") * np.diff(edges)
     assert stars.sum() == pytest.approx(integrate.trapezoid(values, THETA), rel=1e-12)
 
 
 def test_bins_are_the_same_in_every_coordinate(geometry, edges):
     values = np.random.default_rng(3).uniform(0, 2, (5, 400))
-    theta_edges = survey.ell_to_theta(geometry, edges)
-    phi1_edges = survey.theta_to_phi1(geometry, theta_edges)
-    in_ell = survey.observe(geometry, THETA, values, edges, "ell")
-    np.testing.assert_allclose(
-        survey.observe(geometry, THETA, values, theta_edges, "theta"), in_ell, rtol=1e-9
-    )
-    np.testing.assert_allclose(survey.observe(geometry, THETA, values, phi1_edges, "phi1"), in_ell, rtol=1e-9)
-    backwards = survey.observe(geometry, THETA, values, edges[::-1], "ell")
+    theta_edges = sky.ell_to_theta(geometry, edges)
+    phi1_edges = sky.theta_to_phi1(geometry, theta_edges)
+    in_ell = sky.observe(geometry, THETA, values, edges, "ell")
+    np.testing.assert_allclose(sky.observe(geometry, THETA, values, theta_edges, "theta"), in_ell, rtol=1e-9)
+    np.testing.assert_allclose(sky.observe(geometry, THETA, values, phi1_edges, "phi1"), in_ell, rtol=1e-9)
+    backwards = sky.observe(geometry, THETA, values, edges[::-1], "ell")
     np.testing.assert_allclose(backwards, in_ell[:, ::-1], rtol=1e-12)
 
 
@@ -138,12 +136,12 @@ def test_bins_are_the_same_in_every_coordinate(geometry, edges):
 )
 def test_bins_that_cannot_be_filled_are_named(geometry, bad, words):
     with pytest.raises(ValueError, match=words):
-        survey.observe(geometry, THETA, np.ones(400), np.array(bad, dtype=float))
+        sky.observe(geometry, THETA, np.ones(400), np.array(bad, dtype=float))
 
 
 def test_an_unknown_coordinate_is_refused(geometry):
     with pytest.raises(ValueError, match="one of ell, phi1, theta"):
-        survey.observe(geometry, THETA, np.ones(400), np.array([0.1, 0.2]), "ra")
+        sky.observe(geometry, THETA, np.ones(400), np.array([0.1, 0.2]), "ra")
 
 
 # ------------------------------------------------------------------ Qρ
@@ -151,25 +149,25 @@ def test_an_unknown_coordinate_is_refused(geometry):
 
 def test_an_unperturbed_stream_has_q_of_one(geometry, edges):
     smooth = np.tile(geometry.smooth_density(THETA), (2, 1)).astype("float32")
-    np.testing.assert_allclose(survey.q_rho(geometry, ensemble(geometry, smooth), edges), 1, atol=1e-6)
+    np.testing.assert_allclose(sky.q_rho(geometry, ensemble(geometry, smooth), edges), 1, atol=1e-6)
 
 
 def test_q_is_observed_over_expected_stars(geometry, edges):
     density = np.random.default_rng(4).uniform(0, 2, (3, 400)).astype("float32")
     data = ensemble(geometry, density)
-    expected = survey.observe(geometry, THETA, density.astype(float), edges) / survey.observe(
+    expected = sky.observe(geometry, THETA, density.astype(float), edges) / sky.observe(
         geometry, THETA, data.smooth.values, edges
     )
-    q = survey.q_rho(geometry, data, edges)
+    q = sky.q_rho(geometry, data, edges)
     assert q.dtype == np.float32
     np.testing.assert_allclose(q, expected, rtol=2e-6)
 
 
 def test_two_thousand_streams_take_a_moment(geometry, edges):
     data = ensemble(geometry, np.ones((2000, 400), dtype="float32"))
-    survey.q_rho(geometry, data, edges)
+    sky.q_rho(geometry, data, edges)
     start = time.perf_counter()
-    assert survey.q_rho(geometry, data, edges).shape == (2000, 347)
+    assert sky.q_rho(geometry, data, edges).shape == (2000, 347)
     assert time.perf_counter() - start < 0.5
 
 
@@ -177,30 +175,30 @@ def test_two_thousand_streams_take_a_moment(geometry, edges):
 
 
 def test_noise_is_standard_normal_and_the_same_for_the_first_streams():
-    draws = survey.shot_noise((2000, 347), seed=5)
+    draws = sky.shot_noise((2000, 347), seed=5)
     assert draws.dtype == np.float32
     assert abs(draws.mean()) < 5 / np.sqrt(draws.size)
     assert draws.std() == pytest.approx(1, abs=5 / np.sqrt(2 * draws.size))
-    np.testing.assert_array_equal(survey.shot_noise((70, 347), seed=5), draws[:70])
-    assert not np.array_equal(survey.shot_noise((70, 347), seed=6), draws[:70])
+    np.testing.assert_array_equal(sky.shot_noise((70, 347), seed=5), draws[:70])
+    assert not np.array_equal(sky.shot_noise((70, 347), seed=6), draws[:70])
 
 
 def test_noise_scales_with_its_level():
-    q, draws = np.ones((10, 7), dtype="float32"), survey.shot_noise((20, 7))
-    noisy = survey.add_noise(q, draws, 0.1)
+    q, draws = np.ones((10, 7), dtype="float32"), sky.shot_noise((20, 7))
+    noisy = sky.add_noise(q, draws, 0.1)
     assert noisy.dtype == np.float32
     np.testing.assert_allclose(noisy, 1 + 0.1 * draws[:10], rtol=1e-6)
-    np.testing.assert_array_equal(survey.add_noise(q, draws, 0), q)
-    assert (survey.add_noise(0 * q, draws, 0.1) < 0).any()
+    np.testing.assert_array_equal(sky.add_noise(q, draws, 0), q)
+    assert (sky.add_noise(0 * q, draws, 0.1) < 0).any()
 
 
 @pytest.mark.parametrize("sigma", [-0.1, np.nan, np.inf])
 def test_a_noise_level_must_be_a_number_of_zero_or_more(sigma):
     with pytest.raises(ValueError, match="noise must be a number of 0 or more"):
-        survey.add_noise(np.ones((2, 3)), np.ones((2, 3)), sigma)
+        sky.add_noise(np.ones((2, 3)), np.ones((2, 3)), sigma)
 
 
 @pytest.mark.parametrize("shape", [(21, 7), (10, 8)])
 def test_noise_for_other_streams_or_bins_is_refused(shape):
     with pytest.raises(ValueError, match="noise was drawn for"):
-        survey.add_noise(np.ones(shape), survey.shot_noise((20, 7)), 0.1)
+        sky.add_noise(np.ones(shape), sky.shot_noise((20, 7)), 0.1)

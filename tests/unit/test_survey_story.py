@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from streamdash.survey_story import PIECES, deviations, pieces, stars_per_bin, track
+from streamdash.survey.story import PIECES, deviations, pieces, stars_per_bin, track
 
 
 def test_the_track_runs_from_the_progenitor_to_where_the_density_has_fallen(geometry):

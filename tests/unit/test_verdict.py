@@ -7,17 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from streamdash.classifier_data import Cancelled, ClassifierError, LabelledStreams, split
+from streamdash.classifier.data import Cancelled, ClassifierError, LabelledStreams, split
 from streamdash.config import Perturbers, StreamModel
-from streamdash.observation import Observation, interpret, read_observation
-from streamdash.observation_guess import changed, guess
-from streamdash.observation_table import read_table
-from streamdash.report import agreement, answer, report, text
-from streamdash.report_html import report_html
-from streamdash.store import Cache
-from streamdash.survey import observe, phi1_to_theta, q_rho
-from streamdash.survey_mock import mock_bins, mock_observation
-from streamdash.survey_observed import (
+from streamdash.observe.evidence import blurred_pdf, learn_pdfs
+from streamdash.observe.guess import changed, guess
+from streamdash.observe.observation import Observation, interpret, read_observation
+from streamdash.observe.replicas import learn_replicas
+from streamdash.observe.report import agreement, answer, report, text
+from streamdash.observe.resemblance import DOUBTFUL, UNLIKE, learn_likeness
+from streamdash.observe.table import read_table
+from streamdash.observe.verdict import judge, learn, observed_streams, prepare
+from streamdash.plots.report_html import report_html
+from streamdash.store.cache import Cache
+from streamdash.survey.design import (
     AS_IS,
     Design,
     divided,
@@ -25,10 +27,8 @@ from streamdash.survey_observed import (
     observe_as,
     polynomial_fit,
 )
-from streamdash.verdict import judge, learn, observed_streams, prepare
-from streamdash.verdict_evidence import blurred_pdf, learn_pdfs
-from streamdash.verdict_noise import learn_replicas
-from streamdash.verdict_resemblance import DOUBTFUL, UNLIKE, learn_likeness
+from streamdash.survey.mock import mock_bins, mock_observation
+from streamdash.survey.sky import observe, phi1_to_theta, q_rho
 
 LABELS = ("1e3-1e5", "1e5-1e9")
 N_KNOWN = 800

@@ -1,149 +1,114 @@
-"""The walls of the house: who may import whom, what shipped code must not call, how long a module may be."""
+"""The walls of the house: contracts between the parts, forbidden calls, the length of a module."""
 
 from __future__ import annotations
 
 import ast
+import importlib
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+import streamdash
+from streamdash._moved import MOVED
+
 ROOT = Path(__file__).resolve().parents[2]
-
-FLOW = [
-    ["config"],
-    ["store", "workers"],
-    ["geometry"],
-    ["impacts"],
-    ["kicks"],
-    ["density"],
-    ["flyby"],
-    ["ensemble"],
-    ["jobs"],
-    ["survey"],
-    ["observation"],
-    ["spectrum"],
-    ["pdf", "features", "scores"],
-    ["evidence", "classifier"],
-    ["verdict"],
-    ["reproduce"],
-    ["plots"],
-    ["report"],
-    ["cli"],
-]
-"""The library from left to right: a module imports from its own stage and from those before it.
-
-A module belongs to the stage whose name it bears, alone or followed by an underscore and more
-(``classifier_features`` belongs to ``classifier``). The cache (``store``) knows configurations
-only, so that every later stage may keep its results in it.
-"""
-
 MAX_LINES = 420
 
-LIBRARY = sorted((ROOT / "streamdash").rglob("*.py"))
-APP = sorted((ROOT / "app").rglob("*.py"))
-SHIPPED = LIBRARY + APP
-EVERYTHING = SHIPPED + sorted((ROOT / "tests").rglob("*.py")) + sorted((ROOT / "scripts").rglob("*.py"))
+SHIPPED = sorted(path for folder in ("streamdash", "app") for path in (ROOT / folder).rglob("*.py"))
+EVERYTHING = SHIPPED + sorted((ROOT / "tests").rglob("*.py"))
 
 
 def name(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-def tree(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"), filename=name(path))
+def test_parts_import_one_another_as_the_contracts_in_pyproject_say():
+    run = [sys.executable, "-c", "from importlinter.cli import lint_imports_command as lint; lint()"]
+    done = subprocess.run([*run, "--no-cache"], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
-def imports(path: Path) -> Iterator[tuple[int, str]]:
-    """Line and absolute dotted name of everything a file imports, wherever in the file it does so."""
-    package = path.relative_to(ROOT).parent.parts
-    for node in ast.walk(tree(path)):
-        if isinstance(node, ast.Import):
+def calls_and_imports(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and what is called or imported there, for what shipped code must not do."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=name(path))):
+        if isinstance(node, ast.Call):
+            yield node.lineno, ast.unparse(node.func)
+            for keyword in node.keywords:
+                trusted = isinstance(keyword.value, ast.Constant) and keyword.value.value is False
+                if keyword.arg and not trusted:
+                    yield node.lineno, f"{keyword.arg}="
+        elif isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            above = package[: len(package) - node.level + 1] if node.level else ()
-            module = ".".join([*above, *([node.module] if node.module else [])])
-            yield from ((node.lineno, f"{module}.{alias.name}") for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.lineno, node.module
+            yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
 
 
-def importers(paths: list[Path], package: str) -> set[str]:
-    """Files among `paths` that import `package` or anything in it."""
-    return {
-        name(path)
-        for path in paths
-        for _, module in imports(path)
-        if module == package or module.startswith(f"{package}.")
+FORBIDDEN = {
+    *("eval", "exec", "joblib.load", "pd.read_pickle", "pandas.read_pickle", "allow_pickle=", "to_disk="),
+    *("pickle", "cPickle", "cloudpickle", "dill", "shelve", "marshal"),
+}
+
+
+def test_nothing_shipped_unpickles_or_evaluates():
+    found = {
+        f"{name(p)}:{n}: {what}" for p in SHIPPED for n, what in calls_and_imports(p) if what in FORBIDDEN
     }
+    assert found == set()
 
 
-def stage_of(module: str) -> tuple[int, str]:
-    """Place in the flow, and stage, of a module of the library given as ``streamdash.x[.y]``."""
-    own = module.split(".")[1]
-    for position, stages in enumerate(FLOW):
-        for stage in stages:
-            if own == stage or own.startswith(f"{stage}_"):
-                return position, stage
-    raise AssertionError(f"{module}: say in FLOW where this module stands in the data flow")
+@pytest.mark.parametrize("line", ["import pickle", "x = eval('1')", "np.load(f, allow_pickle=True)"])
+def test_the_forbidden_is_found(tmp_path, monkeypatch, line):
+    path = tmp_path / "module.py"
+    path.write_text(f"{line}\n")
+    monkeypatch.setattr(sys.modules[__name__], "ROOT", tmp_path)
+    assert FORBIDDEN & {what for _, what in calls_and_imports(path)}
 
 
-def test_the_library_and_the_app_are_found():
-    assert {"streamdash/config.py", "streamdash/density.py", "app/main.py"} <= {name(p) for p in SHIPPED}
+def test_no_module_is_too_long():
+    lengths = {name(path): len(path.read_text(encoding="utf-8").splitlines()) for path in EVERYTHING}
+    assert {path: n for path, n in lengths.items() if n > MAX_LINES} == {}
 
 
-@pytest.mark.parametrize("package", ["panel", "panel_material_ui", "bokeh", "app"])
-def test_library_does_not_know_the_page(package):
-    assert importers(LIBRARY, package) == set()
+@pytest.mark.parametrize("public", streamdash.PUBLIC)
+def test_public_names_are_there(public):
+    assert callable(getattr(streamdash, public))
+    assert public in dir(streamdash)
 
 
-def test_only_plots_draw_in_the_library():
-    assert {p for p in importers(LIBRARY, "holoviews") if not p.startswith("streamdash/plots/")} == set()
+@pytest.mark.parametrize("old", MOVED)
+def test_modules_answer_to_their_old_names(old):
+    with pytest.warns(DeprecationWarning, match="is now"):
+        sys.modules.pop(f"streamdash.{old}", None)
+        module = importlib.import_module(f"streamdash.{old}")
+    new = importlib.import_module(f"streamdash.{MOVED[old]}")
+    public = {k: v for k, v in vars(new).items() if not k.startswith("_")}
+    assert public.items() <= vars(module).items()
 
 
-def test_one_door_to_panel_material_ui():
-    assert importers(SHIPPED, "panel_material_ui") <= {"app/ui.py"}
-
-
-def is_module(dotted: str) -> bool:
-    """Whether ``streamdash.x…`` names a module or a package of the library."""
-    path = ROOT.joinpath(*dotted.split(".")[:2])
-    return path.is_dir() or path.with_suffix(".py").exists()
-
-
-@pytest.mark.parametrize("path", [p for p in LIBRARY if p != ROOT / "streamdash" / "__init__.py"], ids=name)
-def test_imports_follow_the_data_flow(path):
-    position, stage = stage_of(".".join(path.relative_to(ROOT).with_suffix("").parts))
-    for line, imported in imports(path):
-        if imported.startswith("streamdash.") and is_module(imported):
-            theirs, their_stage = stage_of(imported)
-            assert theirs < position or their_stage == stage, f"line {line}: {imported} stands to the right"
-
-
-def test_the_package_itself_imports_no_stage():
-    assert [module for _, module in imports(ROOT / "streamdash" / "__init__.py") if is_module(module)] == []
-
-
-FORBIDDEN_CALLS = {"eval", "exec", "joblib.load", "pd.read_pickle", "pandas.read_pickle"}
-FORBIDDEN_MODULES = {"pickle", "cPickle", "cloudpickle", "dill", "shelve", "marshal"}
-
-
-@pytest.mark.parametrize("path", SHIPPED, ids=name)
-def test_nothing_shipped_unpickles_or_evaluates(path):
-    for node in ast.walk(tree(path)):
-        if not isinstance(node, ast.Call):
-            continue
-        called = ast.unparse(node.func)
-        assert called not in FORBIDDEN_CALLS, f"line {node.lineno}: {called}"
-        for keyword in node.keywords:
-            trusted = isinstance(keyword.value, ast.Constant) and keyword.value.value is False
-            assert keyword.arg not in {"allow_pickle", "to_disk"} or trusted, (
-                f"line {node.lineno}: {called}({keyword.arg}=…)"
-            )
-    for line, module in imports(path):
-        assert module.split(".")[0] not in FORBIDDEN_MODULES, f"line {line}: imports {module}"
-        assert module != "joblib.load", f"line {line}: imports {module}"
-
-
-@pytest.mark.parametrize("path", EVERYTHING, ids=name)
-def test_no_module_is_too_long(path):
-    lines = len(path.read_text(encoding="utf-8").splitlines())
-    assert lines <= MAX_LINES, f"{lines} lines, more than {MAX_LINES}: split by meaning"
+@pytest.mark.slow
+def test_every_module_can_be_imported_first():
+    """In a process of its own: an import circle shows only where its wrong end comes first."""
+    modules = [".".join(p.relative_to(ROOT).with_suffix("").parts) for p in SHIPPED]
+    modules = [m.removesuffix(".__init__") for m in modules if m not in ("app.main", "app.launch")]
+    script = (
+        "import importlib, os, sys\n"
+        "import numpy, panel, holoviews, galpy, numba, xarray, sklearn, xgboost, panel_material_ui\n"
+        "for module in sys.argv[1:]:\n"
+        "    child = os.fork()\n"
+        "    if not child:\n"
+        "        try:\n"
+        "            importlib.import_module(module)\n"
+        "        except BaseException as error:\n"
+        "            print(module, repr(error), flush=True)\n"
+        "            os._exit(1)\n"
+        "        os._exit(0)\n"
+        "    os.waitpid(child, 0)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", script, *modules], cwd=ROOT, capture_output=True, text=True
+    )
+    assert (done.stdout, done.returncode) == ("", 0), done.stderr

@@ -1,0 +1,265 @@
+"""Classifier page: train, judge and question the gradient-boosted trees (paper §2.5, §3.2)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import panel as pn
+from bokeh.events import Tap
+from panel.viewable import Viewable
+
+from app import ui
+from app.page import Page
+from app.pages.classifier.studies import studies_of
+from app.pages.classifier.tables import STYLE, scores_html
+from app.services.services import Unavailable
+from app.session.session import N_PCA_MAX
+from app.ui.study import StudyCard, TaskControls
+from app.work.tasks import Task, Watch
+from app.work.training import FEATURES, choices_of, code_head, streams_of, training
+from streamdash.classifier.model import PRESETS
+from streamdash.classifier.train import Judged
+from streamdash.plots import classifier
+from streamdash.plots.live import LiveFigure, export
+
+PRESET_NAMES = {"Best": "best", "Paper": "paper"}
+LEGEND_STREAMS = (("line", "without noise, in class colour"), ("grey", "as observed, with noise"))
+
+
+class ClassifierPage(Page):
+    """Train a classifier of 2 to 4 mass ranges at any noise, and see whether to trust it."""
+
+    key, title = "classifier", "Classifier"
+    uses = frozenset({"noise", "preset", "n_pca", "features", "depth", "trees", "cell", "theme"})
+
+    def view(self) -> Viewable:
+        try:
+            self.streams = streams_of(self.services, self.session)
+        except ValueError as error:
+            raise Unavailable(str(error)) from None
+        self.judged: Judged | None = None
+        self.watch = Watch(self._show)
+        self.controls = TaskControls(
+            "Train", self.train, self.watch.cancel, "train", color="primary", size="large"
+        )
+        self.matrix = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.scores = pn.pane.HTML("", stylesheets=[STYLE], sizing_mode=ui.WIDE, css_classes=["sd-scores"])
+        self.roc = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.calibration = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.shown = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self._make_cards()
+        self.studies = [
+            StudyCard(study, self.services.work, len(self.streams.q))
+            for study in studies_of(self.services, self.session, self._question)
+        ]
+        self.results = pn.Column(
+            self.card.view,
+            self.streams_card.view,
+            ui.figure_grid([self.roc_card.view, self.calibration_card.view], narrowest=420),
+            *(study.view for study in self.studies),
+            sizing_mode=ui.WIDE,
+            margin=0,
+            visible=False,
+        )
+        classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
+        for study in self.studies:
+            study.renew()
+        self.train()
+        return ui.page_layout(self._choices(), ui.controls(*classes), self.controls.view, self.results)
+
+    def update(self, changed: frozenset[str]) -> None:
+        if changed <= {"theme", "cell"}:
+            if self.judged is not None:
+                if "theme" in changed:
+                    self._draw_matrix()
+                else:
+                    self.live.patch(classifier.selected_columns(*self.selected))
+                    self._draw_streams()
+            return
+        if "preset" in changed:
+            self.session.param.update(**choices_of(PRESETS[self.session.preset]))
+        task = self.services.work.find(self._question()[0])
+        if task is not None:
+            self.train()
+        else:
+            self.watch.leave()
+            self.controls.start.disabled = False
+            self.controls.cancel.visible = self.controls.bar.visible = False
+            self.controls.text.text = (
+                "The choices have changed; what is shown below is still the classifier before. Press Train."
+            )
+        for study in self.studies:
+            study.renew()
+
+    def close(self) -> None:
+        self.watch.leave()
+        for study in self.studies:
+            study.close()
+        super().close()
+
+    def train(self) -> None:
+        """Train the classifier that the controls describe, or join those who wait for the same."""
+        self.watch.follow(self.services.work.ask(*self._question()))
+
+    @property
+    def selected(self) -> tuple[int, int]:
+        """Cell of the confusion matrix looked into: true class, class taken for."""
+        n_classes = len(self.streams.q)
+        if 0 < self.session.cell <= n_classes**2:
+            return divmod(self.session.cell - 1, n_classes)
+        counts = self._ready().scores.counts.copy()
+        np.fill_diagonal(counts, 0)
+        return divmod(int(counts.argmax()), n_classes)
+
+    # ------------------------------------------------------------ building
+
+    def _choices(self) -> Viewable:
+        return ui.controls(
+            ui.stream_picker(self),
+            ui.ensemble_picker(self),
+            ui.noise_slider(self),
+            ui.toggle(self, "preset", "Start from", PRESET_NAMES),
+            ui.toggle(self, "features", "Features", {words: value for value, words in FEATURES.items()}),
+            ui.int_slider(self, "n_pca", "Principal components", 1, N_PCA_MAX, width=200),
+        )
+
+    def _cell_picker(self) -> Viewable:
+        names = classifier.class_names(self.streams.labels)
+        cells = [(a, b) for a in names for b in names]
+        words = [f"{a}, put right" if a == b else f"{a}, taken for {b}" for a, b in cells]
+        options = {"the most common mistake": 0} | {word: k + 1 for k, word in enumerate(words)}
+        menu = ui.menu("cell", "Streams of the cell", options, width=340)
+        return self.bind("cell", menu, to_widget=lambda cell: cell if cell <= len(cells) else 0)
+
+    def _make_cards(self) -> None:
+        n_classes = len(self.streams.q)
+        self.card = ui.FigureCard(
+            "Confusion matrix on streams never trained on",
+            [self.matrix, self.scores],
+            name="confusion",
+            image=lambda kind: export(classifier.draw_matrix(self._ready(), "matplotlib"), kind),
+            table=lambda: classifier.matrix_table(self._ready()),
+            code=lambda: self._code("draw_matrix(judged, 'matplotlib')", "draw_matrix", "confusion"),
+        )
+        self.streams_card = ui.FigureCard(
+            "The streams of one cell: click the matrix, or choose here",
+            pn.Column(self._cell_picker(), self.shown, sizing_mode=ui.WIDE, margin=0),
+            name="cell",
+            image=lambda kind: export(self._streams_layout(), kind),
+            table=lambda: classifier.streams_table(self.streams, self._ready(), self._rows()),
+            code=self._code_streams,
+            legend=ui.legend(LEGEND_STREAMS, n_classes),
+        )
+        self.roc_card = ui.FigureCard(
+            "ROC: each class against the rest",
+            self.roc,
+            name="roc",
+            image=lambda kind: export(classifier.draw_roc(self._ready(), "matplotlib"), kind),
+            table=lambda: classifier.roc_table(self._ready()),
+            code=lambda: self._code("draw_roc(judged, 'matplotlib')", "draw_roc", "roc"),
+            legend=ui.legend((("line", "class colour"), ("dashes", "guessing")), n_classes),
+        )
+        self.calibration_card = ui.FigureCard(
+            "Calibration: is 80 % right 80 % of the time?",
+            self.calibration,
+            name="calibration",
+            image=lambda kind: export(classifier.draw_calibration(self._ready(), "matplotlib"), kind),
+            table=lambda: classifier.calibration_table(self._ready()),
+            code=lambda: self._code(
+                "draw_calibration(judged, 'matplotlib')", "draw_calibration", "calibration"
+            ),
+            legend=ui.legend((("dots", "test streams, binned; bars: 68 %"), ("dashes", "honest")), 1),
+        )
+
+    # ------------------------------------------------------------ showing
+
+    def _show(self, task: Task) -> None:
+        self.controls.show(task, _trained_words(task.result) if task.state == "done" else "")
+        if task.state != "done":
+            return
+        self.judged = task.result
+        self.results.visible = True
+        self._draw_matrix()
+        self._draw_streams()
+        self.scores.object = scores_html(task.result)
+        for slot, draw in ((self.roc, classifier.draw_roc), (self.calibration, classifier.draw_calibration)):
+            slot[:] = [_pane(draw(task.result, "bokeh"))]
+        self.card.say(classifier.matrix_sentence(task.result))
+        self.roc_card.say(classifier.roc_sentence(task.result))
+        self.calibration_card.say(classifier.calibration_sentence(task.result))
+
+    def _draw_matrix(self) -> None:
+        dark = self.session.theme == "dark"
+        self.live = LiveFigure(classifier.draw_matrix(self._ready(), "bokeh", self.selected, dark))
+        self.live.figure.on_event(Tap, self._tapped)
+        self.matrix[:] = [pn.pane.Bokeh(self.live.figure, sizing_mode=ui.WIDE, margin=0)]
+
+    def _draw_streams(self) -> None:
+        rows = self._rows()
+        if len(rows) == 0:
+            self.shown[:] = [ui.plain_text("No test stream is in this cell.")]
+        else:
+            figures = classifier.draw_streams(self.streams, self._ready(), rows, "bokeh")
+            table = classifier.streams_table(self.streams, self._ready(), rows[: len(figures)])
+            captions = [classifier.stream_caption(record) for record in table.to_dict("records")]
+            cells = [
+                pn.Column(
+                    ui.plain_text(words, margin=(6, 0, 0, 0)), _pane(figure), sizing_mode=ui.WIDE, margin=0
+                )
+                for words, figure in zip(captions, figures, strict=True)
+            ]
+            self.shown[:] = [ui.figure_grid(cells, narrowest=310)]
+        self.streams_card.say(classifier.streams_sentence(self.streams, self._ready(), *self.selected))
+
+    def _tapped(self, event: Tap) -> None:
+        if event.x is None or event.y is None:
+            return
+        truth, taken_for, last = round(-event.y), round(event.x), len(self.streams.q) - 1
+        if 0 <= truth <= last and 0 <= taken_for <= last:
+            self.session.cell = 1 + truth * (last + 1) + taken_for
+
+    def _rows(self) -> np.ndarray:
+        return self._ready().cell(*self.selected)
+
+    def _streams_layout(self) -> Any:
+        return classifier.streams_layout(self.streams, self._ready(), self._rows())
+
+    def _ready(self) -> Judged:
+        if self.judged is None:
+            raise Unavailable("No classifier has been trained yet; press Train.")
+        return self.judged
+
+    def _question(self) -> tuple:
+        return training(self.services, self.session)
+
+    # ------------------------------------------------------------ code
+
+    def _code(self, figure: str, function: str, name: str) -> str:
+        head = code_head(
+            self.session,
+            "from streamdash.classifier.train import train",
+            f"from streamdash.plots.classifier import {function}",
+            "from streamdash.plots.live import export",
+        )
+        return (
+            f"{head}judged = train(streams, {self.session.noise:g}, settings)\n"
+            f'Path("{name}.png").write_bytes(export({figure}, "png"))\n'
+        )
+
+    def _code_streams(self) -> str:
+        figure = f"streams_layout(streams, judged, judged.cell{self.selected})"
+        return self._code(figure, "streams_layout", "cell")
+
+
+def _pane(overlay: Any) -> pn.pane.Bokeh:
+    return pn.pane.Bokeh(LiveFigure(overlay).figure, sizing_mode=ui.WIDE, margin=0)
+
+
+def _trained_words(judged: Judged) -> str:
+    card = judged.classifier.card
+    took = "read from disk" if np.isnan(judged.seconds) else f"trained in {judged.seconds:.1f} s"
+    return (
+        f"Classifier {took}: {card.n_trees} trees per class of depth {card.settings.boosting.max_depth}, "
+        f"{len(judged.classifier.features.names)} features, σ_ε = {card.noise:g}."
+    )

@@ -1,0 +1,175 @@
+"""The studies on the Classifier page: what each computes, shows and says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from typing import Any
+
+import panel as pn
+
+from app import ui
+from app.pages.classifier.tables import STYLE, comparison_html
+from app.services.services import Services
+from app.session.session import Session
+from app.ui.study import Study
+from app.work.tasks import Compute
+from app.work.training import code_head, data_key, settings_of, streams_of
+from streamdash.classifier.model import PRESETS
+from streamdash.classifier.studies import compare, grid_search, importance, learning_curve, noise_curve
+from streamdash.plots import classifier_studies as plots
+
+CURVE_LEGEND = (("line", "recall per class"), ("grey", "accuracy over all classes"))
+
+
+def studies_of(
+    services: Services, session: Session, trained: Callable[[], tuple[Hashable, Compute]]
+) -> list[Study]:
+    """The studies for one session; their questions follow its choices.
+
+    Parameters
+    ----------
+    trained : callable
+        Key and computation of the classifier that is chosen now.
+    """
+    streams = streams_of(services, session)
+    labels = streams.labels
+
+    def question(name: str, study: Callable[..., Any], *, at_noise: bool = True) -> Any:
+        """What to compute for the choices as they are when it is called."""
+
+        def ask() -> tuple[Hashable, Compute]:
+            noise, settings = session.noise, settings_of(session)
+            arguments = (streams, noise, settings) if at_noise else (streams, settings)
+            key = data_key(session) if at_noise else (data_key(session)[:-2], settings.key)
+            return (name, *key), lambda progress, should_stop: study(
+                *arguments, progress=progress, should_stop=should_stop
+            )
+
+        return ask
+
+    def ask_importance() -> tuple[Hashable, Compute]:
+        noise = session.noise
+        key, compute = trained()
+
+        def run(progress, should_stop):
+            return importance(
+                compute(lambda *_: None, should_stop),
+                streams,
+                noise,
+                progress=progress,
+                should_stop=should_stop,
+            )
+
+        return ("importance", key), run
+
+    def compare_presets(streams, noise, settings, **rest):
+        chosen = {} if settings in PRESETS.values() else {"as chosen": settings}
+        return compare(streams, noise, {**chosen, **PRESETS}, **rest)
+
+    def code(call: str, module: str, draw: str, name: str) -> Callable[[], str]:
+        def listing() -> str:
+            head = code_head(
+                session,
+                f"from streamdash.{module}",
+                f"from streamdash.plots.classifier_studies import {draw.split('(')[0]}",
+                "from streamdash.plots.live import export",
+            )
+            filled = call.replace("NOISE", f"{session.noise:g}")
+            return f'{head}{filled}\nPath("{name}.png").write_bytes(export({draw}, "png"))\n'
+
+        return listing
+
+    size, noise = plots.SIZE_LABEL, plots.NOISE_LABEL
+    return [
+        Study(
+            "importance",
+            "Importance along ℓ: which part of the stream tells the masses?",
+            "The Qρ of a 4° block is exchanged between test streams; what is lost shows what it tells.",
+            ask_importance,
+            plots.draw_importance,
+            plots.importance_table,
+            plots.importance_sentence,
+            code(
+                "judged = train(streams, NOISE, settings)\nfound = importance(judged, streams, NOISE)",
+                "classifier.train import train\nfrom streamdash.classifier.studies import importance",
+                "draw_importance(found, 'matplotlib')",
+                "importance",
+            ),
+        ),
+        Study(
+            "noise-curve",
+            "Accuracy against noise: where does the method die?",
+            "A classifier is trained and judged anew at each σ_ε.",
+            question("noise curve", noise_curve, at_noise=False),
+            lambda curve, backend: plots.draw_curve(curve, noise, backend),
+            lambda curve: plots.curve_table(curve, "noise", labels),
+            plots.noise_sentence,
+            code(
+                "curve = noise_curve(streams, settings)",
+                "classifier.studies import noise_curve",
+                f"draw_curve(curve, '{noise}', 'matplotlib')",
+                "noise-curve",
+            ),
+            CURVE_LEGEND,
+        ),
+        Study(
+            "learning-curve",
+            "Learning curve: are there enough simulated streams?",
+            "The same classifier trained on ever more streams, judged on the same test streams.",
+            question("learning curve", learning_curve),
+            lambda curve, backend: plots.draw_curve(curve, size, backend, logarithmic=True),
+            lambda curve: plots.curve_table(curve, "streams_per_class", labels),
+            plots.learning_sentence,
+            code(
+                "curve = learning_curve(streams, NOISE, settings)",
+                "classifier.studies import learning_curve",
+                f"draw_curve(curve, '{size}', 'matplotlib', logarithmic=True)",
+                "learning-curve",
+            ),
+            CURVE_LEGEND,
+        ),
+        Study(
+            "comparison",
+            "Presets and a dense network on the same split",
+            "The paper's classifier, ours, ours with less, and small dense networks as in its conclusions.",
+            question("comparison", compare_presets),
+            plots.draw_comparison,
+            lambda rows: plots.comparison_table(rows, labels),
+            lambda rows: plots.comparison_sentence(rows, labels),
+            code(
+                "contenders = compare(streams, NOISE, PRESETS)",
+                "classifier.studies import compare",
+                "draw_comparison(contenders, 'matplotlib')",
+                "comparison",
+            ),
+            (("dots", "recall per class"), ("grey", "accuracy, large dot")),
+            lambda rows: pn.pane.HTML(
+                comparison_html(rows, labels), stylesheets=[STYLE], sizing_mode=ui.WIDE
+            ),
+        ),
+        Study(
+            "tuning",
+            "Tuning: 5-fold cross-validation over depth and number of trees",
+            "The paper's grid, max_depth 2 to 128 and n_estimators 10 to 200, on the training streams only.",
+            question("tuning", grid_search),
+            plots.draw_grid,
+            plots.grid_table,
+            plots.grid_sentence,
+            code(
+                "grid = grid_search(streams, NOISE, settings)",
+                "classifier.studies import grid_search",
+                "draw_grid(grid, 'matplotlib')",
+                "tuning",
+            ),
+            (("line", "one line per depth, stronger is deeper"), ("dots", "chosen")),
+            lambda grid: ui.button(
+                "Use these", lambda: use_grid(session, grid), css_classes=["sd-use-tuning"]
+            ),
+        ),
+    ]
+
+
+def use_grid(session: Session, grid: Any) -> None:
+    """Choose the depth and number of trees that cross-validation found best."""
+    chosen = grid.settings.boosting
+    session.param.update(depth=int(chosen.max_depth), trees=int(chosen.n_estimators))

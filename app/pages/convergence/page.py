@@ -1,0 +1,217 @@
+"""Convergence page: the tests of the paper's appendix A and more, each simulated anew on request."""
+
+from __future__ import annotations
+
+import html
+from typing import Any
+
+import holoviews as hv
+import panel as pn
+from panel.viewable import Viewable
+
+from app import ui
+from app.page import Page
+from app.pages.convergence.state import SIZES
+from app.pages.convergence.tables import STYLE, shifts_html, verdicts_html
+from app.services.services import Services
+from app.session.session import Session
+from app.ui.study import TaskControls
+from app.work.tasks import Compute, Task, Watch
+from streamdash.classifier.data import Cancelled
+from streamdash.convergence.knobs import KNOBS, Knob, knob
+from streamdash.convergence.spectra import compute_missing, missing
+from streamdash.convergence.text import Measured, cost, cost_sentence, measure
+from streamdash.convergence.verdicts import verdict_sentence
+from streamdash.plots import convergence
+from streamdash.plots.live import LiveFigure, export
+from streamdash.simulation.ensemble import Stopped
+from streamdash.simulation.limits import Refused, check_size
+from streamdash.simulation.workers import WorkerError
+from streamdash.statistics.spectrum import KINDS
+from streamdash.store.cache import StoreError
+
+LEGEND = (
+    ("grey", "68 % of the streams of the setting compared with"),
+    ("none", "Colours of the settings: see the table"),
+)
+
+
+class ConvergencePage(Page):
+    """One test at a time in full, above the verdicts on all."""
+
+    key, title = "convergence", "Convergence"
+    uses = frozenset({"knob", "lab_streams", "lab_seed"})
+
+    def __init__(self, session: Session, services: Services) -> None:
+        super().__init__(session, services)
+        self.measured: Measured | None = None
+        self.found: list[Measured] = []
+
+    def view(self) -> Viewable:
+        self.watch = Watch(self._show_task)
+        self.task = TaskControls("Simulate", self.start, self.watch.cancel, "lab")
+        self.question = ui.plain_text("", margin=(4, 0), css_classes=["sd-lab-question"])
+        self.figures = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.table = pn.pane.HTML("", stylesheets=[STYLE], sizing_mode=ui.WIDE, css_classes=["sd-lab-shifts"])
+        self.all = pn.pane.HTML("", stylesheets=[STYLE], sizing_mode=ui.WIDE, css_classes=["sd-lab-verdicts"])
+        self._make_cards()
+        self._show()
+        self._show_all()
+        return ui.page_layout(self._controls(), self.card.view, self.all_card.view)
+
+    @property
+    def knob(self) -> Knob:
+        """The test that is chosen, with its settings."""
+        return knob(self.session.knob, int(self.session.lab_streams), self.session.lab_seed)
+
+    def update(self, changed: frozenset[str]) -> None:
+        self.watch.leave()
+        self._show()
+
+    def close(self) -> None:
+        self.watch.leave()
+        super().close()
+
+    def start(self) -> None:
+        """Simulate what is missing of the chosen test, or join those who wait for it already."""
+        self.watch.follow(self.services.laboratory.ask(*self._job()))
+
+    def code(self) -> str:
+        """Lines of Python that compute, draw and judge the chosen test."""
+        arguments = (
+            f'"{self.session.knob}", n_streams={self.session.lab_streams}, seed={self.session.lab_seed}'
+        )
+        return (
+            "from pathlib import Path\n\n"
+            "from streamdash.plots.convergence import convergence_figure, measured\n"
+            "from streamdash.plots.live import export\n"
+            "from streamdash.convergence.spectra import compute_missing\n"
+            "from streamdash.convergence.knobs import knob\n"
+            "from streamdash.convergence.verdicts import verdict_sentence\n"
+            "from streamdash.store.cache import Cache\n\n"
+            f"cache, chosen = Cache.default(), knob({arguments})\n"
+            "compute_missing([setting.config for setting in chosen.settings], cache)\n"
+            f"figure = convergence_figure(cache, {arguments})\n"
+            'Path("convergence.png").write_bytes(export(figure, "png"))\n'
+            "print(verdict_sentence(chosen, measured(cache, chosen)[1]))\n"
+        )
+
+    # ------------------------------------------------------------ inside
+
+    def _controls(self) -> Viewable:
+        titles = {knob(key).title: key for key in KNOBS}
+        sizes = {f"{size}": f"{size}" for size in SIZES}
+        return ui.controls(
+            ui.select(self, "knob", "Test", titles, width=340),
+            ui.toggle(self, "lab_streams", "Streams per setting", sizes),
+            ui.int_slider(self, "lab_seed", "Seed of the random numbers", 0, 99),
+        )
+
+    def _make_cards(self) -> None:
+        self.card = ui.FigureCard(
+            "One test of convergence",
+            pn.Column(self.question, self.task.view, self.figures, self.table, sizing_mode=ui.WIDE, margin=0),
+            name="convergence",
+            image=lambda kind: export(self._layout(), kind),
+            table=lambda: convergence.table(self.knob, self._ready().spectra),
+            code=self.code,
+            legend=ui.legend(LEGEND, 1),
+        )
+        self.all_card = ui.FigureCard(
+            "All tests at a glance",
+            self.all,
+            name="verdicts",
+            image=lambda kind: export(convergence.draw_verdicts(self.found, "matplotlib"), kind),
+            table=lambda: convergence.all_shifts(self.found),
+            code=lambda: VERDICTS_CODE,
+        )
+
+    def _show(self) -> None:
+        """The chosen test, as far as it is in the cache."""
+        chosen = self.knob
+        self.question.object = html.escape(f"{chosen.question} {_paper(chosen)}")
+        found, _ = measure(
+            self.services.cache, [chosen.key], int(self.session.lab_streams), self.session.lab_seed
+        )
+        self.measured = found[0] if found else None
+        self.task.start.visible = self.measured is None
+        if self.measured is None:
+            lacking = len(missing([s.config for s in chosen.settings], self.services.cache))
+            self.figures.clear()
+            self.table.object = ""
+            self.task.text.text = (
+                f"{lacking} of the {len(chosen.settings)} settings are not simulated yet for "
+                f"{self.session.lab_streams} streams and seed {self.session.lab_seed}."
+            )
+            self.card.say("")
+            task = self.services.laboratory.find(self._job()[0])
+            if task is not None and task.active:
+                self.watch.follow(task)
+            return
+        self.task.text.text = ""
+        figures = [
+            LiveFigure(convergence.draw(chosen, self.measured.spectra, kind, "bokeh")).figure
+            for kind in KINDS
+        ]
+        self.figures[:] = [ui.figure_grid(figures)]
+        self.table.object = shifts_html(self.measured)
+        verdict = verdict_sentence(chosen, self.measured.verdict)
+        self.card.say(f"{verdict} {convergence.sentence(chosen, self.measured.spectra)}")
+
+    def _show_all(self) -> None:
+        """The verdicts on the shipped settings of all tests."""
+        self.found, lacking = measure(self.services.cache)
+        self.all.object = verdicts_html(self.found, lacking)
+        if self.found:
+            self.all_card.say(
+                f"What all of this took: {cost_sentence(cost(self.services.cache, self.found))}"
+            )
+
+    def _show_task(self, task: Task) -> None:
+        self.task.show(task)
+        if task.state == "done":
+            self._show()
+            self._show_all()
+
+    def _job(self) -> tuple[Any, Compute]:
+        """Key and computation of what is missing of the chosen test."""
+        cache, limits = self.services.cache, self.services.jobs.limits
+        configs = [setting.config for setting in self.knob.settings]
+
+        def compute(progress, should_stop) -> None:
+            if not limits.max_jobs:
+                raise Refused("This server does not simulate for its visitors.")
+            for config in configs:
+                check_size(config.ensemble, limits)
+            try:
+                compute_missing(configs, cache, limits.workers, progress, should_stop, limits.nice)
+            except Stopped:
+                raise Cancelled from None
+            except (StoreError, WorkerError) as error:
+                raise ValueError(str(error)) from error
+
+        return ("laboratory", *(config.key for config in configs)), compute
+
+    def _layout(self) -> hv.Layout:
+        session = self.session
+        return convergence.convergence_figure(
+            self.services.cache, session.knob, int(session.lab_streams), session.lab_seed
+        )
+
+    def _ready(self) -> Measured:
+        if self.measured is None:
+            raise ValueError("This test has not been simulated yet; press Simulate first.")
+        return self.measured
+
+
+def _paper(chosen: Knob) -> str:
+    return f"The paper: {chosen.paper}" if chosen.paper else "The paper has no such test."
+
+
+VERDICTS_CODE = """from streamdash.convergence.text import convergence_markdown, cost, measure
+from streamdash.store.cache import Cache
+
+cache = Cache.default()
+found, lacking = measure(cache)
+print(convergence_markdown(found, cost(cache, found)))
+"""

@@ -1,0 +1,306 @@
+"""Evidence page: ln B per bin, the cumulative table beside the paper's, and whether it has converged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import panel as pn
+from panel.viewable import Viewable
+
+from app import ui
+from app.page import Page
+from app.pages.evidence.tables import STYLE, evidence_table
+from app.services.comparison import (
+    N_BIN_SHOWN,
+    choice_key,
+    code_head,
+    configs,
+    noisy_profiles,
+    set_range,
+    shared_comparison,
+)
+from app.services.later import Later
+from streamdash.naming import mass_text
+from streamdash.plots import cumulative, evidence
+from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.pdf import frame
+from streamdash.statistics.cumulative import cumulative_tables
+from streamdash.statistics.evidence import measure_evidence, measured_width
+from streamdash.statistics.evidence_growth import Growth, growth
+from streamdash.statistics.pdf import measure_pdfs
+
+LEGEND = (
+    ("dots", "ln B against that class; bars: spread over 10–500 bins of y"),
+    ("grey", "excluded: far from the peak, or too few samples"),
+    ("dashes", "|ln B| = 1, 2.5, 5: weak, moderate, strong"),
+)
+WAITING = "Computing …"
+DIFFERENCES = Path(__file__).resolve().parents[3] / "docs" / "differences.md"
+PAPER_RANGES = ["1e3-1e5", "1e5-1e9"]
+
+
+class EvidencePage(Page):
+    """Bayes factors of 2 to 4 mass ranges for the fiducial that is chosen."""
+
+    key, title = "evidence", "Evidence"
+    uses = frozenset({"noise", "n_bin", "fiducial", "exclude", "theme"})
+
+    def view(self) -> Viewable:
+        self.data = shared_comparison(self.services, self.session)
+        self.tables: list[dict[str, Any]] = []
+        self.curves: dict[int, Growth] = {}
+        self.dimmed = False
+        self.live_chart: LiveFigure | None = None
+        self.live_growth: LiveFigure | None = None
+        self.later_table = Later(self.services, self._show_table, self._fail_table)
+        self.later_growth = Later(self.services, self._show_growth, self._fail_growth)
+        self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.table_pane = pn.pane.HTML(
+            WAITING, stylesheets=[STYLE], sizing_mode=ui.WIDE, css_classes=["sd-table-1"]
+        )
+        self.chart = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.growth_slot = pn.Column(ui.plain_text(WAITING), sizing_mode=ui.WIDE, margin=0)
+        self._make_cards()
+        self._draw()
+        self._ask()
+        classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
+        return ui.page_layout(
+            self._controls(),
+            ui.controls(*classes),
+            self.card.view,
+            self.table_card.view,
+            self.growth_card.view,
+            *_differences(),
+        )
+
+    @property
+    def fiducial(self) -> int:
+        """The model data are assumed to come from."""
+        return min(self.session.fiducial, len(self.session.ensembles) - 1)
+
+    @property
+    def is_paper(self) -> bool:
+        """Whether the classes are the paper's two, so that its table can stand beside ours."""
+        return [c.perturbers.label for c in configs(self.session)] == PAPER_RANGES
+
+    def update(self, changed: frozenset[str]) -> None:
+        if "theme" in changed and self.live_chart is not None:
+            self.live_chart.set_ink(self.session.theme == "dark")
+        if changed == {"theme"}:
+            return
+        if changed & {"noise", "n_bin", "exclude"}:
+            self.data = shared_comparison(self.services, self.session)
+        if "fiducial" in changed:
+            self._draw()
+            self.live_chart = self.live_growth = None  # other models, other lines
+            self.growth_slot[:] = [ui.plain_text(WAITING)]
+            if self.tables:
+                self._show_table(self.tables)
+        else:
+            self.live.patch(evidence.columns(self.data, self.fiducial))
+            set_range(self.live.figure.x_range, frame(self.data)["x"])
+            set_range(self.live.figure.y_range, evidence.y_frame(self.data, self.fiducial))
+        self.card.say(evidence.sentence(self.data, self.fiducial, configs(self.session)))
+        self._ask(table=bool(changed & {"noise", "exclude"}))
+
+    def close(self) -> None:
+        self.later_table.cancel()
+        self.later_growth.cancel()
+        super().close()
+
+    def code(self) -> str:
+        """Lines of Python that make the figure of ln B as it is now."""
+        session = self.session
+        return (
+            f"{code_head(session, 'evidence', 'evidence_figure')}"
+            "figure = evidence_figure(\n"
+            f"    Cache.default(), ensembles, fiducial={self.fiducial}, "
+            f"noise={session.noise:g}, n_bin={session.n_bin}{self._measured_argument()}\n"
+            ")\n"
+            'Path("evidence.png").write_bytes(export(figure, "png"))\n'
+        )
+
+    def code_table(self) -> str:
+        """Lines of Python that compute the cumulative table as it is now."""
+        session = self.session
+        return (
+            f"{_code_profiles(session)}"
+            "from streamdash.statistics.cumulative import cumulative_tables\n\n"
+            f"for table in cumulative_tables(profiles, noise={session.noise:g}{self._measured_argument()}):\n"
+            '    for pair in table["pairs"]:\n'
+            '        print(table["n_bin"], pair["i"], pair["j"], pair["sum"], pair["joint"], pair["word"])\n'
+        )
+
+    def code_growth(self) -> str:
+        """Lines of Python that compute the growth of Σ ln B with the streams as it is now."""
+        session, others = self.session, evidence.others(self.data, self.fiducial)
+        return (
+            f"{_code_profiles(session)}"
+            "from streamdash.statistics.evidence import measure_evidence\n"
+            "from streamdash.statistics.evidence_growth import growth\n"
+            "from streamdash.statistics.pdf import measure_pdfs\n\n"
+            f"pdfs = measure_pdfs(profiles, n_bin={session.n_bin})\n"
+            f"evidence = measure_evidence(pdfs, noise={session.noise:g})\n"
+            f"for j in {others}:\n"
+            f"    print(growth(pdfs, evidence, {self.fiducial}, j))\n"
+        )
+
+    # ------------------------------------------------------------ building
+
+    def _controls(self) -> Viewable:
+        fiducials = {f"M{i}": i for i in range(len(self.session.ensembles))}
+        self.session.fiducial = self.fiducial
+        widths = {"σ_ε (paper)": "noise", "PDF’s own width": "measured"}
+        return ui.controls(
+            ui.stream_picker(self),
+            ui.ensemble_picker(self),
+            ui.noise_slider(self),
+            ui.int_slider(self, "n_bin", "Bins of Qρ, N_bin", *N_BIN_SHOWN),
+            ui.toggle(self, "fiducial", "Fiducial model", fiducials),
+            ui.toggle(self, "exclude", "Bins count within 3 times", widths),
+        )
+
+    def _make_cards(self) -> None:
+        count = len(self.session.ensembles)
+        self.card = ui.FigureCard(
+            "ln B of every bin",
+            self.slot,
+            name="evidence",
+            image=lambda kind: export(self._figure(), kind),
+            table=lambda: evidence.table(self.data, self.fiducial, configs(self.session)),
+            code=self.code,
+            legend=ui.legend(LEGEND, count),
+        )
+        self.table_card = ui.FigureCard(
+            "Cumulative evidence",
+            [self.table_pane, self.chart],
+            name="cumulative",
+            image=lambda kind: export(self._cumulative("matplotlib"), kind),
+            table=lambda: cumulative.table(self.tables, configs(self.session), self.is_paper),
+            code=self.code_table,
+            legend=ui.legend(
+                (
+                    ("line", "sum over bins, ± scatter over streams (bootstrap)"),
+                    ("dashes", "all bins together, correlations included"),
+                    *((("none", "×  paper, table 1"),) if self.is_paper else ()),
+                ),
+                count,
+            ),
+        )
+        self.growth_card = ui.FigureCard(
+            "Has it converged? Σ ln B from ever more simulated streams",
+            self.growth_slot,
+            name="growth",
+            image=lambda kind: export(evidence.draw_growth(self.curves, "matplotlib"), kind),
+            table=lambda: evidence.growth_table(self.curves, self.fiducial),
+            code=self.code_growth,
+        )
+
+    def _draw(self) -> None:
+        """A new figure of ln B, for another fiducial."""
+        self.live = LiveFigure(evidence.draw(self.data, self.fiducial, configs(self.session), "bokeh"))
+        self.slot[:] = [pn.pane.Bokeh(self.live.figure, sizing_mode=ui.WIDE, margin=0)]
+        self.card.say(evidence.sentence(self.data, self.fiducial, configs(self.session)))
+
+    # ------------------------------------------------------------ slow results
+
+    def _ask(self, table: bool = True) -> None:
+        """Have the table and the growth computed once the controls rest."""
+        session, services = self.session, self.services
+        choices, noise, n_bin, fiducial = session.ensembles, session.noise, session.n_bin, self.fiducial
+        measured = session.exclude == "measured"
+        key = choice_key(session)
+
+        def make_tables() -> list[dict[str, Any]]:
+            profiles = noisy_profiles(services, choices, noise)
+            return services.shared(
+                ("cumulative", *key), lambda: cumulative_tables(profiles, noise, measured=measured)
+            )
+
+        def make_curves() -> dict[int, Growth]:
+            def compute() -> dict[int, Growth]:
+                profiles = noisy_profiles(services, choices, noise)
+                pdfs = measure_pdfs(profiles, n_bin)
+                width = measured_width(profiles[0]) if measured else None
+                found = measure_evidence(pdfs, noise, width=width)
+                rivals = [j for j in range(pdfs.n_models) if j != fiducial]
+                return {j: growth(pdfs, found, fiducial, j) for j in rivals}
+
+            return services.shared(("growth", n_bin, fiducial, *key), compute)
+
+        if table:
+            if self.tables and not self.dimmed:  # once, not at every step of a slider
+                self._write_table(waiting=True)
+            self.later_table.ask(make_tables)
+        self.later_growth.ask(make_curves)
+
+    def _show_table(self, tables: list[dict[str, Any]]) -> None:
+        self.tables = tables
+        self._write_table(waiting=False)
+        if self.live_chart is None:
+            crosses = tuple(f"paper {j}" for j in cumulative.rivals(tables, self.fiducial))
+            self.live_chart = LiveFigure(self._cumulative("bokeh"), ink=crosses)
+            self.live_chart.set_ink(self.session.theme == "dark")
+            self.chart[:] = [pn.pane.Bokeh(self.live_chart.figure, sizing_mode=ui.WIDE, margin=0)]
+        else:
+            self.live_chart.patch(cumulative.columns(tables, self.fiducial, self.is_paper))
+            set_range(
+                self.live_chart.figure.y_range, cumulative.y_frame(tables, self.fiducial, self.is_paper)
+            )
+        self.table_card.say(cumulative.sentence(tables, self.fiducial, configs(self.session)))
+
+    def _write_table(self, waiting: bool) -> None:
+        self.dimmed = waiting
+        shown = range(2) if len(self.session.ensembles) == 2 else [self.fiducial]
+        self.table_pane.object = evidence_table(
+            self.tables, configs(self.session), shown, self.is_paper, waiting
+        )
+
+    def _fail_table(self, sentence: str) -> None:
+        self.live_chart = None
+        self.chart[:] = [ui.error_state(sentence)]
+
+    def _show_growth(self, curves: dict[int, Growth]) -> None:
+        self.curves = curves
+        if self.live_growth is None:
+            self.live_growth = LiveFigure(evidence.draw_growth(curves, "bokeh"))
+            figure = self.live_growth.figure
+            self.growth_slot[:] = [pn.pane.Bokeh(figure, sizing_mode=ui.WIDE, margin=0)]
+        else:
+            self.live_growth.patch(evidence.growth_columns(curves))
+            set_range(self.live_growth.figure.y_range, evidence.growth_frame(curves)[1])
+        self.growth_card.say(evidence.growth_sentence(curves, self.fiducial, self.session.n_bin))
+
+    def _fail_growth(self, sentence: str) -> None:
+        self.live_growth = None
+        self.growth_slot[:] = [ui.error_state(sentence)]
+
+    def _figure(self) -> Any:
+        title = f"fiducial {mass_text(configs(self.session)[self.fiducial].perturbers.mass_range)}"
+        return evidence.draw(self.data, self.fiducial, configs(self.session), "matplotlib", title)
+
+    def _cumulative(self, backend: Any) -> Any:
+        return cumulative.draw(self.tables, self.fiducial, backend, paper=self.is_paper)
+
+    def _measured_argument(self) -> str:
+        return ", measured=True" if self.session.exclude == "measured" else ""
+
+
+def _differences() -> list[Viewable]:
+    """The text that `streamdash reproduce --text` wrote, where this checkout has it."""
+    if not DIFFERENCES.is_file():
+        return []
+    heading, _, text = DIFFERENCES.read_text(encoding="utf-8").partition("\n")
+    return [ui.document(heading.lstrip("# "), text, "differences")]
+
+
+def _code_profiles(session: Any) -> str:
+    """Lines that read the chosen ensembles and add their noise."""
+    ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in session.ensembles)
+    return (
+        "from streamdash.plots.pdf import collect\n"
+        "from streamdash.store.cache import Cache\n\n"
+        f"ensembles = [\n{ensembles}\n]\n"
+        f"profiles = [collect(Cache.default(), key).noisy({session.noise:g}) for key in ensembles]\n\n"
+    )

@@ -1,0 +1,57 @@
+"""Learn page: a story in six steps, a sandbox for one fly-by, and a quiz against the classifier."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import panel as pn
+from panel.viewable import Viewable
+
+from app import ui
+from app.page import Page
+from app.pages.learn.flyby import USES as FLYBY_USES
+from app.pages.learn.flyby import FlybyLesson
+from app.pages.learn.quiz import USES as QUIZ_USES
+from app.pages.learn.quiz import QuizLesson
+from app.pages.learn.state import LESSONS
+from app.pages.learn.story import USES as STORY_USES
+from app.pages.learn.story import StoryLesson
+
+MADE_BY: dict[str, Any] = {"story": StoryLesson, "flyby": FlybyLesson, "quiz": QuizLesson}
+
+
+class LearnPage(Page):
+    """One of three lessons at a time."""
+
+    key, title = "learn", "Learn"
+    uses = STORY_USES | FLYBY_USES | QUIZ_USES | {"lesson"}
+
+    def view(self) -> Viewable:
+        self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.lesson: Any = None
+        self._open()
+        return ui.page_layout(ui.controls(ui.toggle(self, "lesson", "Learn by", LESSONS)), self.slot)
+
+    def update(self, changed: frozenset[str]) -> None:
+        if "lesson" in changed:
+            self._open()
+        elif self.lesson is not None:
+            self.lesson.update(changed)
+
+    def close(self) -> None:
+        self._leave()
+        super().close()
+
+    def _open(self) -> None:
+        """Build the lesson that is chosen."""
+        self._leave()
+        # A page of its own for what a lesson binds, which ends with the lesson.
+        self.inner = Page(self.session, self.services)
+        self.lesson = MADE_BY[self.session.lesson](self.inner)
+        self.slot[:] = [self.lesson.view()]
+
+    def _leave(self) -> None:
+        if self.lesson is not None:
+            self.lesson.close()
+            self.inner.close()
+            self.lesson = None

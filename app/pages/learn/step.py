@@ -1,0 +1,88 @@
+"""What the steps of the story have in common."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import holoviews as hv
+import pandas as pd
+from panel.viewable import Viewable
+
+from app.page import Page
+from streamdash.config import StreamModel
+from streamdash.plots.live import Backend, Columns
+
+Ranges = tuple[tuple[float, float], tuple[float, float]]
+Link = tuple[str, dict[str, Any]]
+"""Words, and what to change in the session's link."""
+
+
+class Step:
+    """One step. `compute` first; the others say what it found."""
+
+    title: str
+    uses: frozenset[str] = frozenset()
+    ink: tuple[str, ...] = ()
+    legend: tuple[tuple[str, str], ...] = ()
+    """Swatches and words, see `app.ui.layout.legend`."""
+
+    def __init__(self, page: Page) -> None:
+        self.page, self.session, self.services = page, page.session, page.services
+        self.choices = page.session.ensembles
+        self.stream: StreamModel = self.choices[0].config.stream
+        self.geometry = self.services.geometry(self.stream)
+        self.compute()
+
+    @property
+    def light(self) -> str:
+        """The lowest mass range compared, in words."""
+        return self.choices[0].label
+
+    @property
+    def heavy(self) -> str:
+        """The highest."""
+        return self.choices[-1].label
+
+    def compute(self) -> None:
+        """Find what is shown for the session's choices."""
+
+    def controls(self) -> list[Viewable]:
+        """What the reader can change."""
+        return []
+
+    def draw(self, backend: Backend) -> hv.Overlay:
+        """The figure."""
+        raise NotImplementedError
+
+    def columns(self) -> Columns:
+        """The figure's arrays that can change."""
+        return {}
+
+    def ranges(self) -> Ranges | None:
+        """The figure's axes, where they can change."""
+        return None
+
+    def text(self) -> str:
+        """The story, Markdown."""
+        raise NotImplementedError
+
+    def sentence(self) -> str:
+        """What the figure shows now."""
+        raise NotImplementedError
+
+    def table(self) -> pd.DataFrame:
+        """The figure's numbers."""
+        raise NotImplementedError
+
+    def call(self) -> tuple[str, str, str]:
+        """Module and function that make the figure from nothing, and its arguments after the cache."""
+        raise NotImplementedError
+
+    def links(self) -> list[Link]:
+        """Where to go on."""
+        raise NotImplementedError
+
+    def stream_argument(self) -> str:
+        if self.stream == StreamModel():
+            return ""
+        return f", stream=StreamModel.parse('{self.stream.model_dump_json(exclude_defaults=True)}')"

@@ -1,0 +1,363 @@
+"""The six steps of the story: what each computes, draws, says and links to."""
+
+from __future__ import annotations
+
+import holoviews as hv
+import numpy as np
+import pandas as pd
+from panel.viewable import Viewable
+
+from app import ui
+from app.pages.learn.step import Link, Ranges, Step
+from app.pages.learn.text import (
+    evidence_text,
+    gap_text,
+    many_text,
+    noise_text,
+    question_text,
+    stream_text,
+)
+from app.services.comparison import configs, shared_comparison
+from app.session.catalog import Choice
+from app.session.catalog import stream_text as stream_text_of
+from app.session.session import SEED_MAX
+from streamdash.engine.flyby import kick_along_stream
+from streamdash.engine.galpy_streams import time_unit_gyr
+from streamdash.engine.geometry import Geometry
+from streamdash.plots import flyby as flyby_plot
+from streamdash.plots import flyby_words, pdf, story
+from streamdash.plots.live import Backend, Columns
+from streamdash.statistics.evidence import JEFFREYS, jeffreys
+from streamdash.survey.flyby import struck
+from streamdash.survey.sky import BIN_WIDTH, longitude_bins
+from streamdash.survey.story import deviations, pieces, stars_per_bin, track
+
+
+class StreamStep(Step):
+    """What a stellar stream is."""
+
+    title = "A stream of stars"
+    legend = (("dots-grey", "the stream: the thicker, the more stars"), ("hand", "the progenitor"))
+
+    def compute(self) -> None:
+        self.track = track(self.geometry)
+
+    def draw(self, backend: Backend) -> hv.Overlay:
+        return story.draw_track(self.track, backend)
+
+    def text(self) -> str:
+        distance, drift = self.track.distance, self.geometry.mean_omega / time_unit_gyr()
+        return stream_text(
+            stream_text_of(self.stream),
+            self.stream.age_gyr,
+            self.track.sky_length,
+            float(distance.min()),
+            float(distance.max()),
+            drift,
+            self.geometry.length,
+        )
+
+    def sentence(self) -> str:
+        ell, b = self.track.ell, self.track.b
+        return (
+            f"The undisturbed stream on the sky today, from the progenitor at ℓ = {ell[0]:.0f}°, "
+            f"b = {b[0]:.0f}° to ℓ = {ell[-1]:.0f}°, b = {b[-1]:.0f}°, where its density has fallen to "
+            f"{100 * self.track.density[-1]:.0f} %."
+        )
+
+    def table(self) -> pd.DataFrame:
+        return story.track_table(self.track)
+
+    def call(self) -> tuple[str, str, str]:
+        return "story", "track_figure", self.stream_argument()
+
+    def links(self) -> list[Link]:
+        return [("See its density on the Profiles page", {"page": "profiles", "y": "rho", "highlight": 0})]
+
+
+class GapStep(Step):
+    """One fly-by opens a gap."""
+
+    title = "Something dark flies past"
+    uses = frozenset({"mass10"})
+    ink = (flyby_plot.NOW,)
+    legend = (
+        ("image", "the stream today"),
+        ("ink", "its density"),
+        ("dashes", "without the fly-by"),
+        ("hand", "the stars that were hit"),
+    )
+
+    def compute(self) -> None:
+        self.flyby = self.session.chosen[-1]
+        key = ("story gap", self.stream.key, self.flyby)
+        self.film = self.services.shared(key, lambda: story.two_frames(self.geometry, self.flyby))
+        self.marks = struck(self.geometry, [self.flyby], self.film.time_gyr)
+
+    def controls(self) -> list[Viewable]:
+        return [ui.slider(self.page, "mass10", "Mass: log₁₀(M / M☉)", step=0.25)]
+
+    def draw(self, backend: Backend) -> hv.Overlay:
+        return flyby_plot.draw_density(self.film, self.marks, -1, backend)
+
+    def columns(self) -> Columns:
+        return flyby_plot.density_columns(self.film, self.marks, -1)
+
+    def ranges(self) -> Ranges:
+        return (0.0, float(self.film.theta[-1])), (0.0, flyby_plot.film_tops(self.film)[0])
+
+    def text(self) -> str:
+        flyby, geometry = self.flyby, self.geometry
+        k = flyby.time_index(geometry)
+        return gap_text(
+            flyby_words.mass_words(flyby.mass_msun),
+            flyby_words.length_words(flyby.r_s_kpc),
+            flyby_words.length_words(flyby.b * flyby.r_s_kpc),
+            flyby_words.star_speed(geometry, flyby),
+            float(np.abs(kick_along_stream(geometry, flyby).dv_along).max()),
+            geometry.stream.impact_times_gyr[k],
+            100 * (1 - float(np.nanmin(self.film.q_rho[-1]))),
+        )
+
+    def sentence(self) -> str:
+        return flyby_words.film_sentence(self.film, -1)
+
+    def table(self) -> pd.DataFrame:
+        return flyby_words.film_table(self.film)
+
+    def call(self) -> tuple[str, str, str]:
+        values = ", ".join(f"{field}={value:g}" for field, value in self.flyby)
+        return "story", "gap_figure", f", Flyby({values}){self.stream_argument()}"
+
+    def links(self) -> list[Link]:
+        return [("Play with it: one fly-by, frame by frame", {"lesson": "flyby", "flybys": [], "crowd": 0})]
+
+
+class ManyStep(Step):
+    """Many fly-bys make a pattern."""
+
+    title = "Not one, but many"
+    uses = frozenset({"seed"})
+    legend: tuple[tuple[str, str], ...] = (("line", "one stream of each mass range, in its colour"),)
+
+    @property
+    def noise(self) -> float:
+        """Shot noise shown: none in this step."""
+        return 0.0
+
+    def compute(self) -> None:
+        number, noise = self.session.seed, self.noise
+        qs = [self.services.q_rho(choice) for choice in self.choices]
+        rows = [number % len(q) for q in qs]
+        self.clean = [q[row] for q, row in zip(qs, rows, strict=True)]
+        draws = [self.services.draws(choice)[row] for choice, row in zip(self.choices, rows, strict=True)]
+        self.noisy = [q + noise * d for q, d in zip(self.clean, draws, strict=True)]
+        self.ell = _bin_centres(self.geometry)
+        self.qs = qs
+
+    def controls(self) -> list[Viewable]:
+        return [ui.button("Draw others", self._draw_others, css_classes=["sd-draw-others"], margin=(4, 10))]
+
+    def draw(self, backend: Backend) -> hv.Overlay:
+        return story.draw_pair(self.ell, self.clean, self.noisy, self.noise, backend)
+
+    def columns(self) -> Columns:
+        return story.pair_columns(self.ell, self.clean, self.noisy, self.noise)
+
+    def text(self) -> str:
+        keys = [self.choices[0].key, self.choices[-1].key]
+        hits = [float(self.services.ensemble(key)["n_impacts"].mean()) for key in keys]
+        size = [float(np.median(q.std(axis=1))) for q in (self.qs[0], self.qs[-1])]
+        return many_text(
+            self.light, self.heavy, (hits[0], hits[1]), (size[0], size[1]), len(self.qs[0]) + len(self.qs[-1])
+        )
+
+    def sentence(self) -> str:
+        parts = [
+            f"{choice.label}: {q.min():.2f} to {q.max():.2f}"
+            for choice, q in zip(self.choices, self.clean, strict=True)
+        ]
+        noise = f", dots with shot noise σ_ε = {self.noise:g}" if self.noise else ""
+        spans = "; for ".join(parts)
+        return f"One simulated stream of each mass range{noise}. Without noise Qρ goes, for {spans}."
+
+    def table(self) -> pd.DataFrame:
+        labels = [choice.config.perturbers.label for choice in self.choices]
+        return story.pair_table(self.ell, self.clean, self.noisy, labels)
+
+    def call(self) -> tuple[str, str, str]:
+        return "story", "pair_figure", f", ensembles, number={self.session.seed}, noise={self.noise:g}"
+
+    def links(self) -> list[Link]:
+        return [
+            (
+                "See all simulated streams on the Profiles page",
+                {"page": "profiles", "y": "q_rho", "noise": 0.0},
+            )
+        ]
+
+    def _draw_others(self) -> None:
+        self.session.seed = (self.session.seed + 1) % (SEED_MAX + 1)
+
+
+class NoiseStep(ManyStep):
+    """The pattern through shot noise."""
+
+    title = "What a telescope counts"
+    uses = frozenset({"seed", "noise"})
+    legend = (
+        ("line", "without noise, in class colour"),
+        ("dots", "as counted, with noise"),
+    )
+
+    @property
+    def noise(self) -> float:
+        return self.session.noise
+
+    def controls(self) -> list[Viewable]:
+        return [ui.noise_slider(self.page), *super().controls()]
+
+    def text(self) -> str:
+        share = [100 * float((np.abs(q - 1) > self.noise).mean()) for q in (self.qs[0], self.qs[-1])]
+        return noise_text(
+            self.noise,
+            stars_per_bin(self.noise),
+            len(self.ell),
+            BIN_WIDTH,
+            self.light,
+            self.heavy,
+            (share[0], share[1]),
+        )
+
+    def links(self) -> list[Link]:
+        return [("See all streams at this noise on the Profiles page", {"page": "profiles", "y": "q_rho"})]
+
+
+class EvidenceStep(Step):
+    """PDF(Qρ) and the Bayes factor."""
+
+    title = "Weighing the evidence"
+    uses = frozenset({"noise"})
+    legend = (
+        ("band", "68 % of the streams of a mass range"),
+        ("line", "their median"),
+        ("grey", "bins that do not count"),
+    )
+
+    def compute(self) -> None:
+        self.data = shared_comparison(self.services, self.session)
+
+    def controls(self) -> list[Viewable]:
+        return [ui.noise_slider(self.page)]
+
+    def draw(self, backend: Backend) -> hv.Overlay:
+        return pdf.draw(self.data, configs(self.session), backend, None)
+
+    def columns(self) -> Columns:
+        columns = dict(pdf.columns(self.data, 0))
+        del columns[pdf.SELECTED]
+        return columns
+
+    def ranges(self) -> Ranges:
+        frame = pdf.frame(self.data)
+        return frame["x"], frame["y"]
+
+    def text(self) -> str:
+        evidence, last = self.data.evidence, self.data.n_models - 1
+        both = (evidence.cumulative(0, 0, last).value, evidence.cumulative(last, last, 0).value)
+        words = (jeffreys(both[0]), jeffreys(both[1]))
+        strong = [end for end, _ in JEFFREYS if np.isfinite(end)][-1]
+        return evidence_text(self.light, self.heavy, both, words, strong)
+
+    def sentence(self) -> str:
+        return pdf.sentence(self.data, configs(self.session))
+
+    def table(self) -> pd.DataFrame:
+        return pdf.table(self.data, configs(self.session))
+
+    def call(self) -> tuple[str, str, str]:
+        session = self.session
+        return (
+            "pdf",
+            "pdf_figure",
+            f", ensembles, noise={session.noise:g}, n_bin={session.n_bin}, "
+            f"measured={session.exclude == 'measured'}",
+        )
+
+    def links(self) -> list[Link]:
+        return [
+            ("The Evidence page: ln B of every bin, and the paper’s table", {"page": "evidence"}),
+            ("The PDF page: look into a bin", {"page": "pdf"}),
+        ]
+
+
+class QuestionStep(Step):
+    """What it would take to see primordial black holes."""
+
+    title = "Could we see primordial black holes?"
+    uses = frozenset({"noise"})
+    ink = (story.NOISE,)
+    legend = (
+        ("line", "ups and downs of the streams, in class colour; bars: 68 % of them"),
+        ("dashes", "shot noise"),
+    )
+
+    def compute(self) -> None:
+        self.data = pieces([self._deviations(choice) for choice in self.choices], self.session.noise)
+
+    def _deviations(self, choice: Choice) -> np.ndarray:
+        key = ("deviations", choice.key)
+        return self.services.shared(key, lambda: deviations(self.services.q_rho(choice)))
+
+    def controls(self) -> list[Viewable]:
+        return [ui.noise_slider(self.page)]
+
+    def draw(self, backend: Backend) -> hv.Overlay:
+        return story.draw_pieces(self.data, backend)
+
+    def columns(self) -> Columns:
+        return story.pieces_columns(self.data)
+
+    def text(self) -> str:
+        single = float(self.data.deviation[0, 1, 0])
+        return question_text(
+            self.light,
+            self.heavy,
+            self.session.noise,
+            (self.data.visible_from(0), self.data.visible_from(len(self.choices) - 1)),
+            single,
+            BIN_WIDTH,
+            (stars_per_bin(single), stars_per_bin(self.session.noise)),
+        )
+
+    def sentence(self) -> str:
+        parts = [
+            f"{choice.label}: {self.data.deviation[i, 1, 0]:.2g}" for i, choice in enumerate(self.choices)
+        ]
+        return (
+            f"Typical distance of Qρ from 1 in single bins: {'; '.join(parts)}; shot noise: "
+            f"{self.session.noise:g}. In pieces of {self.data.width[-1]:.0f}° the noise is down to "
+            f"{self.data.noise[-1]:.2g}."
+        )
+
+    def table(self) -> pd.DataFrame:
+        return story.pieces_table(self.data, [c.config.perturbers.label for c in self.choices])
+
+    def call(self) -> tuple[str, str, str]:
+        return "story", "pieces_figure", f", ensembles, noise={self.session.noise:g}"
+
+    def links(self) -> list[Link]:
+        return [
+            ("The Spectrum page: ups and downs of every size against noise", {"page": "spectrum"}),
+            ("The Classifier page: how well a program tells the masses apart", {"page": "classifier"}),
+            ("Guess the mass yourself", {"lesson": "quiz"}),
+        ]
+
+
+def _bin_centres(geometry: Geometry) -> np.ndarray:
+    edges = longitude_bins(geometry)
+    return 0.5 * (edges[:-1] + edges[1:])
+
+
+STEPS: tuple[type[Step], ...] = (StreamStep, GapStep, ManyStep, NoiseStep, EvidenceStep, QuestionStep)
+"""The story, in order."""

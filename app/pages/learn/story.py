@@ -1,0 +1,141 @@
+"""Learn page, the story: six steps, each with words, one live figure and links to the full pages."""
+
+from __future__ import annotations
+
+import panel as pn
+from panel.viewable import Viewable
+
+from app import ui
+from app.page import Page
+from app.pages.learn.steps import STEPS, Step
+from app.pages.learn.text import GLOSSARY
+from app.services.comparison import set_range
+from app.session.session import link_to
+from app.ui.browser import Links
+from app.ui.layout import heading
+from streamdash.config import StreamModel
+from streamdash.plots.live import LiveFigure, export
+
+USES = frozenset({"step", "theme"}).union(*(step.uses for step in STEPS))
+
+
+class StoryLesson:
+    """One step at a time; all of them share the session's choices."""
+
+    def __init__(self, page: Page) -> None:
+        self.page, self.session = page, page.session
+        self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.inner: Page | None = None
+        self._open()
+
+    def view(self) -> Viewable:
+        """Navigation, the step, the glossary."""
+        titles = {f"{i}": i for i in range(1, len(STEPS) + 1)}
+        self.back = ui.button("Back", lambda: self._go(-1), css_classes=["sd-back"], margin=(4, 10))
+        self.on = ui.button("Next step", lambda: self._go(1), css_classes=["sd-on"], margin=(4, 10))
+        self._limit()
+        glossary = pn.pane.Markdown(
+            GLOSSARY, renderer_options={"html": False}, sizing_mode=ui.WIDE, margin=(0, 8)
+        )
+        return pn.Column(
+            ui.controls(ui.toggle(self.page, "step", "Step", titles), self.back, self.on),
+            self.slot,
+            ui.folded("Glossary: every word and symbol", [glossary], "glossary", title_variant="subtitle1"),
+            sizing_mode=ui.WIDE,
+            margin=0,
+        )
+
+    def update(self, changed: frozenset[str]) -> None:
+        """Patch the figure and the words, or turn the page."""
+        if "step" in changed:
+            self._open()
+            self._limit()
+            return
+        if changed & self.step.uses:
+            self.step.compute()
+            self.live.patch(self.step.columns())
+            ranges = self.step.ranges()
+            if ranges is not None:
+                set_range(self.live.figure.x_range, ranges[0])
+                set_range(self.live.figure.y_range, ranges[1])
+            self._say()
+        if "theme" in changed:
+            self.live.set_ink(self.session.theme == "dark")
+            self._link()
+
+    def close(self) -> None:
+        """Let go of the step's controls."""
+        if self.inner is not None:
+            self.inner.close()
+
+    # ------------------------------------------------------------ inside
+
+    def _open(self) -> None:
+        session = self.session
+        self.close()
+        # A page of its own for what a step binds, which ends with the step.
+        self.inner = Page(session, self.page.services)
+        self.step: Step = STEPS[session.step - 1](self.inner)
+        self.live = LiveFigure(self.step.draw("bokeh"), ink=self.step.ink)
+        self.live.set_ink(session.theme == "dark")
+        self.words = pn.pane.Markdown(
+            "", renderer_options={"html": False}, margin=(0, 4), sizing_mode=ui.WIDE, css_classes=["sd-story"]
+        )
+        self.links = Links(sizing_mode=ui.WIDE, margin=(4, 4), css_classes=["sd-links"])
+        step = self.step
+        self.card = ui.FigureCard(
+            step.title,
+            self.live.figure,
+            name=f"story-{session.step}",
+            image=lambda kind: export(step.draw("matplotlib"), kind),
+            table=step.table,
+            code=self.code,
+            legend=ui.legend(step.legend, len(session.ensembles)),
+        )
+        self._say()
+        left = pn.Column(
+            heading(f"{session.step}. {step.title}"),
+            self.words,
+            self.links,
+            margin=0,
+            styles={"flex": "1 1 340px", "min-width": "0", "max-width": "680px"},
+        )
+        right = pn.Column(
+            ui.controls(*step.controls()),
+            self.card.view,
+            margin=0,
+            styles={"flex": "1.4 1 420px", "min-width": "0"},
+        )
+        self.slot[:] = [pn.FlexBox(left, right, gap="4px 24px", sizing_mode=ui.WIDE, margin=0)]
+
+    def _say(self) -> None:
+        self.words.object = self.step.text()
+        self.card.say(self.step.sentence())
+        self._link()
+
+    def _link(self) -> None:
+        self.links.links = [[words, link_to(self.session, **changes)] for words, changes in self.step.links()]
+
+    def _go(self, by: int) -> None:
+        self.session.step = min(max(self.session.step + by, 1), len(STEPS))
+
+    def _limit(self) -> None:
+        self.back.disabled = self.session.step == 1
+        self.on.disabled = self.session.step == len(STEPS)
+
+    def code(self) -> str:
+        """Lines of Python that make the figure as it is now."""
+        module, function, arguments = self.step.call()
+        ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in self.session.ensembles)
+        listed = f"ensembles = [\n{ensembles}\n]\n" if "ensembles" in arguments else ""
+        stream = "from streamdash.config import StreamModel\n" if self.step.stream != StreamModel() else ""
+        flyby = "from streamdash.engine.flyby import Flyby\n" if "Flyby(" in arguments else ""
+        return (
+            "from pathlib import Path\n\n"
+            f"{stream}{flyby}"
+            "from streamdash.plots.live import export\n"
+            f"from streamdash.plots.{module} import {function}\n"
+            "from streamdash.store.cache import Cache\n\n"
+            f"{listed}figure = {function}(Cache.default(){arguments})\n"
+            f'Path("story.png").write_bytes(export(figure, "png"))\n'
+        )

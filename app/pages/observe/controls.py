@@ -1,0 +1,95 @@
+"""The widgets with which the assumptions about a table are seen and changed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import panel as pn
+from panel.viewable import Viewable
+
+from app import ui
+from app.pages.observe.reading import Reading
+from app.pages.observe.state import LINKED, ORDERS, ObserveState
+from streamdash.observe.guess import KINDS, NOTHING, Assumptions
+from streamdash.observe.observation import NAMES
+from streamdash.observe.table import Table
+
+NONE = "none"
+ERRORS = {"a column": "column", "constant": "constant", "Poisson (√counts)": "poisson"}
+
+
+class AssumptionControls:
+    """Menus and numbers, one for each assumption, that follow what was read and change the session.
+
+    Browsers' own menus: panel-material-ui's cannot be opened with the keyboard.
+    """
+
+    def __init__(self, session: ObserveState) -> None:
+        self.session = session
+        self.view = pn.FlexBox(
+            align_items="end", gap="4px 0px", sizing_mode=ui.WIDE, css_classes=["sd-assumptions"]
+        )
+        self.widgets: dict[str, Any] = {}
+        self._table: Table | None = None
+        self._showing = False
+
+    def show(self, reading: Reading) -> None:
+        """Show the assumptions of a reading; another table gets widgets of its own."""
+        if reading.table is None or reading.assumptions is None:
+            self._table = None
+            self.view.clear()
+            return
+        if self._table is None or self._table.names != reading.table.names:
+            self._build(reading.table)
+        self._table = reading.table
+        self._showing = True
+        try:
+            for name, value in _values(reading.assumptions).items():
+                self.widgets[name].value = value
+        finally:
+            self._showing = False
+        self.widgets["error"].visible = reading.assumptions.error_kind == "column"
+        self.widgets["constant"].visible = reading.assumptions.error_kind == "constant"
+
+    def _build(self, table: Table) -> None:
+        names = {name: name for name in table.names}
+        optional = {NONE: NOTHING, **names}
+        orders = {f"order {order}": order for order in ORDERS if int(order) > 0}
+        self.widgets = {
+            "coordinate": _menu("Positions are", {words: key for key, words in NAMES.items()}),
+            "position": _menu("Position (deg)", names),
+            "upper": _menu("Upper end of the bins", optional),
+            "width": _number("Width (deg, 0: spacing)"),
+            "value": _menu("Value", names),
+            "kind": _menu("The value is", {words: key for key, words in KINDS.items()}, 300),
+            "smooth": _menu("Smooth profile", optional),
+            "order": _menu("Divide by polynomial", {"mean (order 0)": "0", **orders, "nothing": "-1"}),
+            "error_kind": _menu("Error from", ERRORS),
+            "error": _menu("Error column", optional),
+            "constant": _number("Relative error"),
+        }
+        for name, widget in self.widgets.items():
+            widget.param.watch(lambda event, name=name: self._changed(name, event.new), "value")
+        self.view[:] = list(self.widgets.values())
+
+    def _changed(self, name: str, value: Any) -> None:
+        if self._showing or value is None:
+            return
+        if name in LINKED:
+            setattr(self.session, LINKED[name], value)
+        else:
+            self.session.columns = {**self.session.columns, name: value}
+
+
+def _values(assumptions: Assumptions) -> dict[str, Any]:
+    """What the widgets show."""
+    values = {name: NOTHING if value is None else value for name, value in assumptions}
+    return {**values, "order": str(assumptions.order), "width": assumptions.width or 0.0}
+
+
+def _menu(label: str, options: dict[str, str], width: int = 190) -> Viewable:
+    return pn.widgets.Select(label=label, options=options, width=width, margin=(4, 10))
+
+
+def _number(label: str) -> Viewable:
+    return pn.widgets.FloatInput(label=label, start=0, step=0.1, width=170, margin=(4, 10))

@@ -1,0 +1,282 @@
+"""Observe page: a measured density of GD-1, read, checked and put to the simulated classes."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import panel as pn
+from panel.viewable import Viewable
+
+from app import ui
+from app.page import Page
+from app.pages.observe.answer import STYLE, answer_html, list_html, numbers_html, preview_html
+from app.pages.observe.controls import AssumptionControls
+from app.pages.observe.reading import Outcome, Reading, changes_of, file_of, question, read
+from app.pages.observe.state import AUTO, LINKED, Upload
+from app.services.later import Later
+from app.services.services import Unavailable
+from app.ui.browser import LiveText
+from app.ui.study import TaskControls
+from app.ui.upload import FileDrop
+from app.work.tasks import Task, Watch
+from streamdash.observe.report import name, truth_words
+from streamdash.plots import observe
+from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.report_html import report_html
+from streamdash.survey.mock import EXAMPLE_TRUTH
+
+INTRODUCTION = (
+    "Upload the density of GD-1 along the stream as you measured it: a text table with a position (φ1 or "
+    "Galactic longitude), a value and, best, an error for each bin. Simulated streams are then observed with "
+    "your bins, errors and gaps, and the answer comes with how often it is right at that quality. The file "
+    "stays in this session's memory and is gone when you close the page."
+)
+LEGEND = (
+    ("ink", "measured, with errors"),
+    ("band", "where 68 % of a class's streams lie, observed alike"),
+    ("line", "its median"),
+)
+BLANK: dict[str, Any] = {"columns": {}, **dict.fromkeys(LINKED.values(), AUTO)}
+
+
+class ObservePage(Page):
+    """Choose a file, see what it was taken for, change that, and have it classified."""
+
+    key, title = "observe", "Observe"
+    uses = frozenset({"example", "upload", "columns", "theme", *LINKED.values()})
+
+    def view(self) -> Viewable:
+        self.reading = Reading()
+        self.outcome: Outcome | None = None
+        self.asked: Any = None
+        self.later = Later(self.services, self._show_reading, self._refuse)
+        self.watch = Watch(self._show_task)
+        self.status = LiveText(margin=(4, 10), css_classes=["sd-observe-status"])
+        self.problem = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.assumptions = AssumptionControls(self.session)
+        self.preview = _html("sd-preview")
+        self.stated = _html("sd-stated")
+        self.measured = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.controls = TaskControls(
+            "Classify", self.classify, self.watch.cancel, "classify", color="primary", size="large"
+        )
+        self.read_part = _column(
+            self.assumptions.view,
+            ui.figure_grid(
+                [pn.Column(self.stated, self.preview, sizing_mode=ui.WIDE, margin=0), self.measured],
+                narrowest=420,
+            ),
+        )
+        self.answer, self.numbers, self.caveats = _html("sd-answer"), _html("sd-numbers"), _html("sd-caveats")
+        self.truth = ui.plain_text("", css_classes=["sd-truth"], styles={"font-size": "17px"})
+        self.reveal = ui.button("Reveal the truth", self._reveal, css_classes=["sd-reveal"])
+        self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.card = self._card()
+        self.result_part = _column(
+            self.answer,
+            ui.controls(
+                ui.download("streamdash-report.html", "report", self._html_report),
+                ui.download("streamdash-report.json", "json", self._json_report),
+                self.reveal,
+                self.truth,
+            ),
+            self.numbers,
+            self.card.view,
+            self.caveats,
+        )
+        self._read()
+        return ui.page_layout(
+            ui.plain_text(INTRODUCTION, margin=(4, 10, 14, 10), max_width=1000),
+            ui.controls(ui.stream_picker(self), ui.ensemble_picker(self)),
+            FileDrop(
+                self._receive,
+                self._refuse,
+                limit=int(1e6 * self.services.uploads.max_upload_mb),
+                sizing_mode=ui.WIDE,
+                margin=(10, 10),
+                css_classes=["sd-drop"],
+            ),
+            ui.controls(ui.button("Try the example", self._example, css_classes=["sd-example"]), self.status),
+            self.problem,
+            self.controls.view,
+            self.result_part,  # above what was read: the answer is where the button was pressed
+            self.read_part,
+        )
+
+    def update(self, changed: frozenset[str]) -> None:
+        if changed == {"theme"}:
+            self._draw()
+        else:
+            self._read()
+
+    def close(self) -> None:
+        self.later.cancel()
+        self.watch.leave()
+        self._forget()
+        super().close()
+
+    def classify(self) -> None:
+        """Have the observation that is shown classified, or join those who wait for the same."""
+        if self.reading.observation is None:
+            return
+        self._forget()
+        key, compute = question(self.services, self.session.ensembles, self.reading.observation)
+        self.asked = None if self.session.example == "yes" else key
+        self.watch.follow(self.services.work.ask(key, compute))
+
+    # ------------------------------------------------------------ choosing
+
+    def _receive(self, data: bytes) -> None:
+        self.session.param.update(example="no", upload=Upload(data), **BLANK)
+
+    def _example(self) -> None:
+        self.session.param.update(example="yes", upload=None, **BLANK)
+
+    def _refuse(self, sentence: str) -> None:
+        self._show_reading(Reading(problem=sentence))
+
+    # ------------------------------------------------------------ reading
+
+    def _read(self) -> None:
+        """Read the session's file off the event loop, then show it."""
+        self.watch.leave()
+        self.result_part.visible = False
+        self.outcome = None
+        data = file_of(self.session)
+        if data is None:
+            self.read_part.visible = self.controls.view.visible = False
+            return
+        changes = changes_of(self.session)
+        geometry = self.services.geometry(self.session.ensembles[0].config.stream)
+        self.status.text = "Reading …"
+        self.later.ask(lambda: read(data, changes, geometry))
+
+    def _show_reading(self, reading: Reading) -> None:
+        self.reading = reading
+        table, observation = reading.table, reading.observation
+        self.problem[:] = [ui.error_state(reading.problem)] if reading.problem else []
+        self.read_part.visible = table is not None
+        self.assumptions.show(reading)
+        self.preview.object = preview_html(table) if table is not None else ""
+        self.controls.view.visible = observation is not None
+        self.controls.start.disabled = False
+        self.controls.cancel.visible = self.controls.bar.visible = False
+        self.controls.text.text = ""
+        self.stated.object = list_html("What is assumed", observation.stated) if observation else ""
+        what = "The example" if self.session.example == "yes" else "Your table"
+        if observation is not None:
+            self.status.text = f"{what} was read: {observation.design.n_bin} bins are compared."
+        else:
+            self.status.text = "" if table is None else f"{what} was read; its columns need to be set."
+        self._draw()
+
+    # ------------------------------------------------------------ result
+
+    def _show_task(self, task: Task) -> None:
+        self.controls.show(task, "Done.")
+        if task.state != "done":
+            return
+        outcome: Outcome = task.result
+        self.outcome = outcome
+        result = outcome.result
+        self.answer.object = answer_html(result)
+        self.numbers.object = numbers_html(result)
+        self.caveats.object = list_html("Mind", result["caveats"])
+        self.reveal.visible = self.session.example == "yes"
+        self.truth.object = ""
+        self.card.say(observe.sentence(outcome.observation, outcome.bands, self._names()))
+        self.result_part.visible = True
+        self._draw()
+
+    def _reveal(self) -> None:
+        known = json.loads(EXAMPLE_TRUTH.read_text(encoding="utf-8"))
+        self.truth.object = truth_words(known)
+
+    def _draw(self) -> None:
+        """Draw the measurement, alone and over the classes, in the page's ink."""
+        dark = self.session.theme == "dark"
+        observation = self.reading.observation
+        self.measured[:] = (
+            [] if observation is None else [_pane(observe.draw(observation, None, "bokeh", dark))]
+        )
+        if self.outcome is not None:
+            overlay = observe.draw(self.outcome.observation, self.outcome.bands, "bokeh", dark)
+            self.slot[:] = [_pane(overlay)]
+
+    def _card(self) -> ui.FigureCard:
+        return ui.FigureCard(
+            "The profile over the classes, observed alike",
+            self.slot,
+            name="observe",
+            image=lambda kind: export(
+                observe.draw(self._ready().observation, self._ready().bands, "matplotlib"), kind
+            ),
+            table=lambda: observe.table(self._ready().observation, self._ready().bands, self._labels()),
+            code=self._code,
+            legend=ui.legend(LEGEND, len(self.session.ensembles)),
+        )
+
+    def _forget(self) -> None:
+        """Nothing of a file outlives the session; what is said of the example may."""
+        if self.asked is not None:
+            self.services.work.forget(self.asked)
+        self.asked = None
+
+    def _ready(self) -> Outcome:
+        if self.outcome is None:
+            raise Unavailable("No profile has been classified yet; press Classify.")
+        return self.outcome
+
+    def _labels(self) -> list[str]:
+        return [c["mass_range"] for c in self._ready().result["classes"]]
+
+    def _names(self) -> list[str]:
+        return [name(c) for c in self._ready().result["classes"]]
+
+    def _html_report(self) -> bytes:
+        outcome = self._ready()
+        return report_html(outcome.result, outcome.observation, outcome.bands).encode()
+
+    def _json_report(self) -> bytes:
+        return json.dumps(self._ready().result, indent=1).encode()
+
+    def _code(self) -> str:
+        ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in self.session.ensembles)
+        example = self.session.example == "yes"
+        file = "EXAMPLE" if example else 'Path("profile.csv")  # your table'
+        lines = [
+            "from pathlib import Path\n",
+            "from streamdash.simulation.geometry import load_geometry",
+            "from streamdash.observe.observation import interpret",
+            "from streamdash.observe.guess import Assumptions",
+            "from streamdash.observe.table import read_table",
+            "from streamdash.plots.live import export",
+            "from streamdash.plots.observe import draw",
+            "from streamdash.observe.report import report, text",
+            "from streamdash.store.cache import Cache",
+            *(["from streamdash.survey.mock import EXAMPLE"] if example else []),
+            "from streamdash.observe.verdict import judge, prepare\n",
+            f"cache = Cache.default()\nensembles = [\n{ensembles}\n]",
+            f"file = {file}",
+            f"assumptions = Assumptions.parse({self._ready().observation.assumptions.model_dump_json()!r})",
+            "geometry = load_geometry(cache.find(ensembles[0]).config.stream, cache)",
+            "observation = interpret(read_table(file.read_bytes()), assumptions, geometry)",
+            "prepared = prepare(cache, ensembles, observation.design)",
+            "print(text(report(judge(prepared, observation), observation, prepared)))",
+            'figure = draw(observation, prepared.bands(), "matplotlib")',
+            'Path("observe.png").write_bytes(export(figure, "png"))',
+        ]
+        return "\n".join(lines) + "\n"
+
+
+def _html(css_class: str) -> pn.pane.HTML:
+    return pn.pane.HTML("", stylesheets=[STYLE], sizing_mode=ui.WIDE, css_classes=[css_class], margin=(0, 10))
+
+
+def _column(*parts: Viewable) -> pn.Column:
+    return pn.Column(*parts, sizing_mode=ui.WIDE, margin=0, visible=False)
+
+
+def _pane(overlay: Any) -> pn.pane.Bokeh:
+    return pn.pane.Bokeh(LiveFigure(overlay).figure, sizing_mode=ui.WIDE, margin=0)

@@ -1,0 +1,91 @@
+"""From a session's file to what is read in it and to what is said about it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from app.pages.observe.state import AUTO, LINKED, ObserveState
+from app.services.services import Services
+from app.session.catalog import Choice
+from app.work.tasks import Compute
+from streamdash.config import ConfigError
+from streamdash.engine.geometry import Geometry
+from streamdash.observe.guess import Assumptions, changed, guess
+from streamdash.observe.observation import Observation, interpret
+from streamdash.observe.report import report
+from streamdash.observe.table import ObservationError, Table, read_table
+from streamdash.observe.verdict import judge, prepare
+from streamdash.survey.mock import EXAMPLE
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What was found in a file: as far as it could be read, and what is wrong with the rest."""
+
+    table: Table | None = None
+    assumptions: Assumptions | None = None
+    observation: Observation | None = None
+    problem: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What is said about an observation, and the bands of the classes as so observed."""
+
+    observation: Observation
+    result: dict[str, Any]
+    bands: np.ndarray
+
+
+def changes_of(session: ObserveState) -> dict[str, Any]:
+    """The assumptions that a session has changed."""
+    linked: dict[str, Any] = {name: getattr(session, own) for name, own in LINKED.items()}
+    linked = {name: value for name, value in linked.items() if value != AUTO}
+    if "order" in linked:
+        linked["order"] = int(linked["order"])
+    return {**session.columns, **linked}
+
+
+def file_of(session: ObserveState) -> bytes | None:
+    """The bytes that are looked at: the example, a file, or nothing yet."""
+    if session.example == "yes":
+        return EXAMPLE.read_bytes()
+    return None if session.upload is None else session.upload.data
+
+
+def read(data: bytes, changes: Mapping[str, Any], geometry: Geometry) -> Reading:
+    """Read a file under a session's assumptions; what is wrong becomes a sentence."""
+    try:
+        table = read_table(data)
+        proposal = guess(table)
+    except ObservationError as error:
+        return Reading(problem=str(error))
+    try:
+        assumptions = changed(proposal, changes)
+    except ConfigError as error:
+        return Reading(table, proposal, problem=str(error))
+    try:
+        return Reading(table, assumptions, interpret(table, assumptions, geometry))
+    except ObservationError as error:
+        return Reading(table, assumptions, problem=str(error))
+
+
+def question(
+    services: Services, choices: Sequence[Choice], observation: Observation
+) -> tuple[Hashable, Compute]:
+    """Key and computation of the verdict on an observation, for `app.work.tasks.Work.ask`."""
+    keys = [choice.key for choice in choices]
+    sha = hashlib.sha256(repr(observation.stated).encode())
+    sha.update(observation.design.key.encode() + observation.q.tobytes())
+
+    def compute(progress: Callable[[int, int], None], should_stop: Callable[[], bool]) -> Outcome:
+        prepared = prepare(services.cache, keys, observation.design, progress, should_stop)
+        result = report(judge(prepared, observation), observation, prepared)
+        return Outcome(observation, result, prepared.bands())
+
+    return ("observe", sha.hexdigest(), *keys), compute

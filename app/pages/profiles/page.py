@@ -1,0 +1,163 @@
+"""Profiles page: all simulated profiles of the chosen mass ranges (paper figs. 1–2)."""
+
+from __future__ import annotations
+
+import holoviews as hv
+import pandas as pd
+import panel as pn
+from panel.viewable import Viewable
+
+from app import ui
+from app.page import Page
+from app.services.services import Unavailable
+from app.session.catalog import Choice
+from app.session.session import HIGHLIGHTS_MAX, QUANTITIES, SEED_MAX
+from streamdash.plots import profiles
+from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.style import COORDINATE_LABELS
+from streamdash.store.cache import StoreError
+from streamdash.survey import bands
+
+INKED = (profiles.MEDIAN, profiles.SMOOTH)
+LEGEND = (
+    ("image", "all simulated streams"),
+    ("band", "68 % of them"),
+    ("ink", "their median"),
+    ("line", "highlighted streams"),
+    ("dashes", "smooth stream without perturbers"),
+)
+REDRAW = frozenset({"x", "y"})
+"""Changes of axes: they need new figures; all others only new data."""
+
+
+class ProfilesPage(Page):
+    """Profiles of 2 to 4 mass ranges as density images, with bands and highlighted streams."""
+
+    key, title = "profiles", "Profiles"
+    uses = frozenset({"noise", "x", "y", "highlight", "seed", "theme"})
+
+    def view(self) -> Viewable:
+        self.live: dict[int, LiveFigure] = {}
+        self.panels: list[bands.Panel] = []
+        self.grid = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.card = ui.FigureCard(
+            "Simulated profiles along the stream",
+            self.grid,
+            name="profiles",
+            image=lambda kind: export(self.layout(), kind),
+            table=self.table,
+            code=self.code,
+            legend=ui.legend(LEGEND, len(self.session.ensembles)),
+        )
+        self._draw()
+        return ui.page_layout(self._controls(), self.card.view)
+
+    def update(self, changed: frozenset[str]) -> None:
+        if changed & REDRAW:
+            self._draw()
+            return
+        if "theme" in changed:
+            for live in self.live.values():
+                live.set_ink(self.session.theme == "dark")
+        if changed - {"theme"}:
+            self.panels = self._compute()
+            for panel in self.panels:
+                self.live[panel.index].patch(profiles.columns(panel))
+            self.card.say(profiles.sentence(self.panels))
+
+    def layout(self) -> hv.Layout:
+        """The figure as it is now, declared for a file."""
+        return profiles.layout(self.panels, "matplotlib")
+
+    def table(self) -> pd.DataFrame:
+        """The figure's numbers as they are now."""
+        return profiles.table(self.panels)
+
+    def code(self) -> str:
+        """Lines of Python that make the figure as it is now."""
+        session = self.session
+        chosen = [session.ensembles[panel.index] for panel in self.panels]
+        ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in chosen)
+        return (
+            "from pathlib import Path\n\n"
+            "from streamdash.plots.live import export\n"
+            "from streamdash.plots.profiles import profiles_figure\n"
+            "from streamdash.store.cache import Cache\n\n"
+            f"ensembles = [\n{ensembles}\n]\n"
+            "figure = profiles_figure(\n"
+            "    Cache.default(),\n"
+            "    ensembles,\n"
+            f'    quantity="{session.y}",\n'
+            f'    coordinate="{session.x}",\n'
+            f"    noise={session.noise:g},\n"
+            f"    highlight={session.highlight},\n"
+            f"    seed={session.seed},\n"
+            ")\n"
+            'Path("profiles.png").write_bytes(export(figure, "png"))\n'
+        )
+
+    def draw_others(self) -> None:
+        """Highlight other random streams."""
+        self.session.seed = (self.session.seed + 1) % (SEED_MAX + 1)
+
+    # ------------------------------------------------------------ inside
+
+    def _controls(self) -> Viewable:
+        axes = {label: name for name, label in COORDINATE_LABELS.items()}
+        quantities = {label: name for name, label in QUANTITIES.items()}
+        return ui.controls(
+            ui.stream_picker(self),
+            ui.ensemble_picker(self),
+            ui.noise_slider(self),
+            ui.toggle(self, "y", "Quantity", quantities),
+            ui.toggle(self, "x", "Along the stream", axes),
+            ui.int_slider(self, "highlight", "Highlighted streams", 0, HIGHLIGHTS_MAX, width=180),
+            ui.button("Draw others", self.draw_others, css_classes=["sd-draw-others"]),
+        )
+
+    def _compute(self) -> list[bands.Panel]:
+        """Panels of all ensembles that can be read; the others are named in `failures`."""
+        session = self.session
+        panels, self.failures = [], {}
+        for index, choice in enumerate(session.ensembles):
+            try:
+                binned = self._binned(choice, session.y)
+            except (StoreError, Unavailable) as error:
+                self.failures[index] = str(error)
+                continue
+            panels.append(
+                bands.compute(binned, index, session.x, session.noise, session.highlight, session.seed)
+            )
+        return panels
+
+    def _binned(self, choice: Choice, quantity: str) -> bands.Binned:
+        services = self.services
+        return services.shared(
+            ("profiles", choice.key, quantity),
+            lambda: bands.bin_profiles(
+                services.geometry(choice.config.stream),
+                services.ensemble(choice.key),
+                choice.config,
+                quantity,
+            ),
+        )
+
+    def _draw(self) -> None:
+        """New figures, for new axes."""
+        self.panels = self._compute()
+        self.live = {
+            panel.index: LiveFigure(profiles.draw(panel, "bokeh"), ink=INKED) for panel in self.panels
+        }
+        cells: list[Viewable] = []
+        for index, choice in enumerate(self.session.ensembles):
+            heading = ui.class_heading(index, choice)
+            if index in self.failures:
+                cells.append(pn.Column(heading, ui.error_state(self.failures[index]), sizing_mode=ui.WIDE))
+                continue
+            live = self.live[index]
+            live.set_ink(self.session.theme == "dark")
+            cells.append(ui.figure_cell(heading, live.figure))
+        # Four stand two by two, up to three side by side.
+        self.grid[:] = [ui.figure_grid(cells, narrowest=560 if len(cells) == 4 else 420)]
+        if self.panels:
+            self.card.say(profiles.sentence(self.panels))

@@ -1,0 +1,195 @@
+"""What the Simulate page says of a configuration before, while and after it is computed. No Panel."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import joblib
+import numpy as np
+import xarray as xr
+
+from app.services.services import Services, Unavailable
+from streamdash.config import EnsembleConfig
+from streamdash.engine.geometry import Geometry
+from streamdash.simulation.jobs import JobStatus
+from streamdash.simulation.preview import Preview, expectation, preview
+from streamdash.simulation.workers import in_process
+from streamdash.store.cache import Entry
+from streamdash.survey.bands import Panel, bin_angles, compute
+
+PREVIEWED = 5
+"""Streams shown before the start, and highlighted afterwards."""
+SHOWN_MAX = 2000
+"""Streams that the figure shows while more are being computed."""
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What is known of a configuration without computing its ensemble.
+
+    Attributes
+    ----------
+    geometry_s : estimated seconds for the stream's geometry; 0 when it is there, NaN when unknown.
+    n_done : streams of its own entry that are finished.
+    covering : entry that holds all its streams already.
+    finished : finished streams, at most `SHOWN_MAX`; None when there are none.
+    """
+
+    config: EnsembleConfig
+    preview: Preview
+    geometry_s: float
+    n_done: int
+    covering: Entry | None
+    finished: xr.Dataset | None
+
+
+def look_ahead(services: Services, config: EnsembleConfig) -> Outlook:
+    """Expected impacts, time and first streams; takes about a second, or some where a geometry is missing.
+
+    Raises
+    ------
+    ValueError
+        When galpy cannot build the stream.
+    """
+    cache = services.cache
+    first = config.model_copy(update={"n_streams": PREVIEWED})
+    try:
+        geometry: Geometry | None = services.geometry(config.stream)
+    except Unavailable:
+        geometry = None
+    if geometry is None:
+        impacts = services.shared(("expectation", first.key), lambda: in_process(expectation, first))
+        glimpse = Preview(impacts, float("nan"), None)
+    else:
+        known = geometry
+        glimpse = services.shared(("preview", first.key), lambda: preview(first, known, PREVIEWED))
+    covering = cache.covering(config)
+    finished = cache.open_finished(covering.key if covering else config.key, SHOWN_MAX)
+    if finished is not None:  # a larger ensemble may have more
+        finished = finished.isel(stream=finished.stream.values < config.n_streams)
+    return Outlook(
+        config,
+        glimpse,
+        0.0 if geometry is not None else _geometry_seconds(services, config),
+        cache.streams_done(config),
+        covering,
+        finished,
+    )
+
+
+def n_workers(services: Services) -> int:
+    """Worker processes of this server, as far as it knows."""
+    return services.jobs.limits.workers or joblib.cpu_count()
+
+
+def panel_of(config: EnsembleConfig, glimpse: xr.Dataset | None, finished: xr.Dataset | None) -> Panel | None:
+    """The streams there are as one panel of the Profiles figure, the first few highlighted."""
+    shown = finished if finished is not None else glimpse
+    if shown is None:
+        return None
+    panel = compute(bin_angles(shown, config), 0, "theta", 0.0, 0, 0)
+    if glimpse is None:
+        return panel
+    few = bin_angles(glimpse, config).values.T
+    return dataclasses.replace(panel, streams=np.arange(len(few)), highlighted=few)
+
+
+# ---------------------------------------------------------------- words
+
+
+def words_before(outlook: Outlook, workers: int) -> str:
+    """What starting would mean: impacts, time, what is there already."""
+    config, glimpse = outlook.config, outlook.preview
+    words = [f"{glimpse.impacts_per_stream:.4g} impacts are expected per stream."]
+    if outlook.covering is not None:
+        total = outlook.covering.n_total
+        among = f", the first of {total}" if total != config.n_streams else ""
+        return (
+            f"{words[0]} All {config.n_streams} streams are in the cache{among}: nothing has to be computed."
+        )
+    missing = config.n_streams - outlook.n_done
+    if outlook.geometry_s:
+        times = len(config.stream.impact_times_gyr)
+        about = "" if np.isnan(outlook.geometry_s) else f", about {duration(outlook.geometry_s)}"
+        words.append(
+            f"The geometry of this stream is not in the cache: it is computed first, {times} impact "
+            f"times{about}, and kept for every later simulation of this stream."
+        )
+    if np.isfinite(glimpse.seconds_per_stream):
+        seconds = glimpse.seconds_per_stream * missing / workers
+        words.append(
+            f"{missing} streams take about {duration(seconds)} on {workers} "
+            f"worker{'s' if workers > 1 else ''} ({1e3 * glimpse.seconds_per_stream:.0f} ms each)."
+        )
+    elif not outlook.geometry_s:
+        words.append("So many impacts make a stream too slow for a preview.")
+    if outlook.n_done:
+        words.append(f"{outlook.n_done} of {config.n_streams} are finished already and are kept.")
+    return " ".join(words)
+
+
+def words_curves(outlook: Outlook, panel: Panel) -> str:
+    """What the figure shows now."""
+    half = float(np.mean(panel.high - panel.low)) / 2
+    along = "density relative to the smooth stream, Qρ, along the parallel angle θ∥"
+    if outlook.finished is None:
+        return f"The {along}, of the first {len(panel.streams)} streams, as they will be simulated."
+    count = outlook.finished.sizes["stream"]
+    return (
+        f"{count} finished streams of {outlook.config.n_streams}: {along}. The band that holds 68 % of "
+        f"them has a half-width of {half:.2g}, averaged along the stream."
+    )
+
+
+def words_state(status: JobStatus) -> str:
+    """What a job is doing, for people and screen readers; changes rarely."""
+    times = f"{status.n_times} impact times"
+    return {
+        "waiting": "Waiting for its turn: another simulation is being computed on this server.",
+        "elsewhere": "Another process is computing this; its progress is shown.",
+        "geometry": f"Computing the geometry of the stream: {times}, once for all simulations of it.",
+        "running": "Computing the streams.",
+        "stopping": "Stopping after what is being computed now …",
+        "cancelled": f"Cancelled; {status.done} of {status.n_streams} streams are kept.",
+        "failed": status.error,
+        "done": f"Done: {status.n_streams} streams"
+        + (f" in {duration(status.took_s)}." if status.took_s is not None else "."),
+    }[status.state]
+
+
+def words_numbers(status: JobStatus) -> str:
+    """How far a job is, how quickly it gets on, and when it will be done."""
+    if status.state == "geometry":
+        words, rate = f"{status.times_done} of {status.n_times} impact times", "{:.2g} a second"
+    else:
+        words, rate = f"{status.done} of {status.n_streams} streams", "{:.0f} a second"
+    if status.active and status.per_second:
+        words += f" · {rate.format(status.per_second)}"
+        if status.left_s is not None:
+            words += f" · {duration(status.left_s)} left"
+    return words
+
+
+def words_row(status: JobStatus) -> str:
+    """A job in the list of all."""
+    state = {"running": "", "elsewhere": "elsewhere", "geometry": "geometry"}.get(status.state, status.state)
+    return " · ".join(part for part in (words_numbers(status), state) if part)
+
+
+def duration(seconds: float) -> str:
+    """A time for people, without false precision: ``2 s``, ``45 s``, ``4 min``, ``3.5 h``."""
+    if seconds < 100:
+        return f"{max(round(seconds), 1)} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
+def _geometry_seconds(services: Services, config: EnsembleConfig) -> float:
+    """Seconds that a geometry will take, from what those in the cache took per impact time."""
+    costs = [
+        entry.cost_s / len(entry.config.impact_times_gyr)
+        for entry in services.cache.entries()
+        if entry.kind == "geometry" and entry.state == "complete" and entry.cost_s
+    ]
+    missing = len(config.stream.impact_times_gyr) - services.cache.times_done(config.stream)
+    return float(np.median(costs)) * missing / n_workers(services) if costs else float("nan")

@@ -1,0 +1,317 @@
+"""The knobs of a simulation: texts that a person types, and the configuration they make. Pure; no Panel.
+
+Bounds, defaults and meaning are those of the fields in `streamdash.config`; only units and a few words
+are added here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args, get_origin
+
+from streamdash.config import Config, ConfigError, EnsembleConfig, mass_label
+from streamdash.simulation.limits import Limits
+
+_DEFAULT = EnsembleConfig()
+
+
+@dataclass(frozen=True)
+class Knob:
+    """One number, word or list that a person may choose.
+
+    Attributes
+    ----------
+    name : in links and of the session's parameter.
+    path : dotted name of the field in `EnsembleConfig`.
+    label, unit : for people; the unit may be empty.
+    help : one line on what it does.
+    group : heading under which it stands.
+    """
+
+    name: str
+    path: str
+    label: str
+    unit: str
+    help: str
+    group: str
+
+    @property
+    def default(self) -> str:
+        """Text of the default value."""
+        return text_of(_DEFAULT, self)
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """The words allowed; empty for a knob that is a number or a list."""
+        kind = self._field.annotation
+        return get_args(kind) if get_origin(kind) is Literal else ()
+
+    @property
+    def bounds(self) -> str:
+        """The values allowed, in words; empty where help says it."""
+        limits = {}
+        for rule in self._field.metadata:
+            for sign in ("ge", "gt", "le", "lt"):
+                if getattr(rule, sign, None) is not None:
+                    limits[sign[0]] = f"{getattr(rule, sign):g}"
+        if self.name == "sim_n":
+            limits["l"] = f"{Limits.from_environment().max_streams}"
+        if self.name == "sim_seed":
+            return "a whole number"
+        return f"{limits['g']} to {limits['l']}" if len(limits) == 2 else ""
+
+    @property
+    def _field(self) -> Any:
+        *parents, last = self.path.split(".")
+        model: type[Config] = EnsembleConfig
+        for parent in parents:
+            model = model.model_fields[parent].annotation  # type: ignore[assignment]
+        return model.model_fields[last]
+
+
+SUBHALOS, STREAM, SAMPLE = "Perturbers", "Stream model", "How many"
+KNOBS = tuple(
+    Knob(*row)
+    for row in (
+        (
+            "sim_mass",
+            "perturbers.mass_range",
+            "Mass range",
+            "M☉",
+            "Lowest and highest mass, as 1e3-1e5; at most 8 decades.",
+            SUBHALOS,
+        ),
+        (
+            "sim_rate",
+            "perturbers.rate_factor",
+            "Abundance",
+            "× CDM",
+            "How many perturbers there are, relative to cold dark matter.",
+            SUBHALOS,
+        ),
+        (
+            "sim_profile",
+            "perturbers.profile",
+            "Density profile",
+            "",
+            "Of one perturber: Hernquist's or Plummer's sphere.",
+            SUBHALOS,
+        ),
+        (
+            "sim_rs",
+            "perturbers.rs_factor",
+            "Size",
+            "× r_s(M)",
+            "Scale radius relative to 1.05 kpc (Plummer 1.62 kpc) · (M / 10⁸ M☉)^½.",
+            SUBHALOS,
+        ),
+        (
+            "sim_slope",
+            "perturbers.slope",
+            "Mass function's slope",
+            "",
+            "dn/dM ∝ M^slope; cold dark matter has about −2.",
+            SUBHALOS,
+        ),
+        (
+            "sim_cutoff",
+            "perturbers.cutoff_mass",
+            "Cutoff mass",
+            "M☉",
+            "Warm dark matter: fewer below, by exp(−cutoff / M). Empty: none.",
+            SUBHALOS,
+        ),
+        (
+            "sim_X",
+            "perturbers.X",
+            "Largest impact parameter",
+            "r_s",
+            "How far perturbers may pass, in their scale radii.",
+            SUBHALOS,
+        ),
+        (
+            "sim_sigma_h",
+            "perturbers.sigma_h",
+            "Velocity dispersion of perturbers",
+            "km/s",
+            "How fast they fly by.",
+            SUBHALOS,
+        ),
+        (
+            "sim_length",
+            "perturbers.length_factor",
+            "Length hit",
+            "× stream",
+            "Impacts reach out to this times the stream's length.",
+            SUBHALOS,
+        ),
+        ("sim_age", "stream.age_gyr", "Age", "Gyr", "Time since the progenitor began to disrupt.", STREAM),
+        (
+            "sim_sigma_v",
+            "stream.sigma_v_kms",
+            "Velocity dispersion of the stream",
+            "km/s",
+            "Empty: 0.1825 km/s · 9 Gyr / age, which keeps its length.",
+            STREAM,
+        ),
+        ("sim_arm", "stream.arm", "Arm", "", "Leading or trailing the progenitor.", STREAM),
+        (
+            "sim_n_times",
+            "stream.n_times",
+            "Impact times",
+            "",
+            "Evenly spaced over the age; each costs seconds, once per stream model.",
+            STREAM,
+        ),
+        (
+            "sim_times",
+            "stream.times_gyr",
+            "Impact times of your own",
+            "Gyr ago",
+            "A list such as 0.5, 1, 3 instead of evenly spaced ones. Empty: none.",
+            STREAM,
+        ),
+        (
+            "sim_q",
+            "stream.potential.q",
+            "Flattening of the halo",
+            "",
+            "q of the logarithmic potential; 1 is a sphere.",
+            STREAM,
+        ),
+        (
+            "sim_b",
+            "stream.isochrone_b",
+            "Isochrone scale b",
+            "8 kpc",
+            "Of the action-angle approximation; 0.8 suits orbits like GD-1's.",
+            STREAM,
+        ),
+        (
+            "sim_progenitor",
+            "stream.progenitor",
+            "Progenitor today",
+            "8 kpc, 220 km/s",
+            "R, vR, vT, z, vz, φ: six numbers joined by commas.",
+            STREAM,
+        ),
+        (
+            "sim_n",
+            "n_streams",
+            "Streams",
+            "",
+            "Each an independent realisation; more can be added later.",
+            SAMPLE,
+        ),
+        (
+            "sim_seed",
+            "seed",
+            "Seed",
+            "",
+            "Of all random numbers: the same seed gives the same streams.",
+            SAMPLE,
+        ),
+    )
+)
+BY_NAME = {knob.name: knob for knob in KNOBS}
+
+PRESETS: dict[str, dict[str, str]] = {
+    "10³–10⁵ M☉ (paper)": {"sim_mass": "1e3-1e5"},
+    "10⁵–10⁹ M☉ (paper)": {"sim_mass": "1e5-1e9"},
+    "10⁵–10⁷ M☉ (paper)": {"sim_mass": "1e5-1e7"},
+    "10⁷–10⁹ M☉ (paper)": {"sim_mass": "1e7-1e9"},
+    "Warm dark matter: cutoff 10⁷ M☉": {"sim_mass": "1e5-1e9", "sim_cutoff": "1e7"},
+    "Three times as many": {"sim_mass": "1e5-1e9", "sim_rate": "3"},
+    # The same impact parameters in kpc although Plummer's scale radius is larger.
+    "Plummer spheres": {"sim_mass": "1e5-1e9", "sim_profile": "plummer", "sim_X": f"{5 * 1.05 / 1.62:.4g}"},
+    "Age 4.5 Gyr": {"sim_mass": "1e5-1e9", "sim_age": "4.5"},
+    "Trailing arm": {"sim_mass": "1e5-1e9", "sim_arm": "trailing"},
+}
+"""Values that differ from the defaults, by name; they say nothing about how many streams."""
+
+
+def config_of(values: Mapping[str, str]) -> EnsembleConfig:
+    """The configuration that texts of knobs make; knobs that are not named have their defaults.
+
+    Raises
+    ------
+    ConfigError
+        In one sentence that begins with the knob's label.
+    """
+    data: dict[str, Any] = {}
+    for name, text in values.items():
+        *parents, last = BY_NAME[name].path.split(".")
+        place = data
+        for parent in parents:
+            place = place.setdefault(parent, {})
+        place[last] = _value(BY_NAME[name], text.strip())
+    try:
+        return EnsembleConfig.parse(data)
+    except ConfigError as error:
+        raise ConfigError(_labelled(str(error))) from None
+
+
+def check(knob: Knob, text: str) -> str:
+    """The text of one knob, if it can be used whatever the others are.
+
+    Raises
+    ------
+    ValueError
+        Saying what is allowed.
+    """
+    if len(text) > 4000 or not text.isprintable():
+        raise ValueError("must be plain text")
+    # A list of times is judged by the longest age there is.
+    others = {"sim_age": "13.8"} if knob.name == "sim_times" else {}
+    try:
+        config_of({**others, knob.name: text})
+    except ConfigError as error:
+        sentence = str(error).partition(": ")[2].rstrip(".")
+        raise ValueError(sentence.partition(" (got")[0]) from None
+    return text.strip()
+
+
+def text_of(config: EnsembleConfig, knob: Knob) -> str:
+    """A configuration's value as the text of a knob; `config_of` reads it back."""
+    value: Any = config
+    for part in knob.path.split("."):
+        value = getattr(value, part)
+    if value is None:
+        return ""
+    if knob.name == "sim_mass":
+        return mass_label(value)
+    if isinstance(value, tuple):
+        return ", ".join(_number(x) for x in value)
+    return _number(value) if isinstance(value, float) else str(value)
+
+
+def texts_of(config: EnsembleConfig) -> dict[str, str]:
+    """All knobs' texts for a configuration."""
+    return {knob.name: text_of(config, knob) for knob in KNOBS}
+
+
+def _number(value: float) -> str:
+    short = f"{value:g}"
+    return short if float(short) == value else repr(value)
+
+
+def _value(knob: Knob, text: str) -> Any:
+    if text == "":
+        # Empty means "not given" where that is allowed, and is refused by the model elsewhere.
+        return None
+    if knob.name in ("sim_times", "sim_progenitor"):
+        parts = [part.strip() for part in text.split(",")]
+        if knob.name == "sim_progenitor" and len(parts) != 6:
+            raise ConfigError(f"{knob.label}: must be six numbers joined by commas (got {len(parts)}).")
+        return parts
+    return text
+
+
+def _labelled(sentence: str) -> str:
+    """Begin a sentence about a field with what the page calls it."""
+    for knob in KNOBS:
+        if sentence.startswith((f"{knob.path}:", f"{knob.path}.")):
+            return f"{knob.label}: {sentence.partition(': ')[2]}"
+    words = sentence.partition("configuration: ")[2]  # what several fields have to do with one another
+    return f"{STREAM}: {words}" if words else sentence

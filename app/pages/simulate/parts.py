@@ -1,0 +1,171 @@
+"""Parts of the Simulate page: presets and knobs, start and progress, the list of all simulations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import panel as pn
+from panel.viewable import Viewable
+
+from app import ui
+from app.page import Page
+from app.pages.simulate.forecast import words_numbers, words_row, words_state
+from app.pages.simulate.knobs import KNOBS, PRESETS, SAMPLE, STREAM, SUBHALOS, Knob, config_of, texts_of
+from app.session.catalog import Choice, label_of
+from app.ui.browser import LiveText
+from streamdash.config import EnsembleConfig
+from streamdash.simulation.jobs import JobStatus
+
+
+def presets(page: Page) -> Viewable:
+    """Buttons that set all knobs but those that say how many."""
+    plain = {knob.name: knob.default for knob in KNOBS if knob.group != SAMPLE}
+
+    def button(words: str, values: dict[str, str]) -> Viewable:
+        return ui.button(
+            words,
+            lambda: page.session.param.update(**{**plain, **values}),
+            size="small",
+            margin=0,
+            css_classes=["sd-preset"],
+        )
+
+    buttons = [button(words, values) for words, values in PRESETS.items()]
+    row = pn.FlexBox(*buttons, gap="8px", sizing_mode=ui.WIDE, css_classes=["sd-presets"])
+    return pn.Column(ui.caption("Start from"), row, sizing_mode=ui.WIDE, margin=(0, 0, 8, 0))
+
+
+def knobs(page: Page) -> Viewable:
+    """All knobs with units, bounds and help; the stream model's are folded away."""
+    title = ui.text_field(
+        page, "sim_title", "Name (optional)", "Under which everybody will find it, beside its mass range."
+    )
+    groups = {
+        group: [_field(page, k) for k in KNOBS if k.group == group] for group in (SAMPLE, SUBHALOS, STREAM)
+    }
+    first, *others = groups[SUBHALOS]
+    return pn.Column(
+        _grid([first, *groups[SAMPLE], title]),
+        ui.folded(
+            f"{SUBHALOS}: more",
+            [_grid(others)],
+            "knobs-perturbers",
+            title_variant="body2",
+        ),
+        ui.folded(STREAM, [_grid(groups[STREAM])], "knobs-stream", title_variant="body2"),
+        sizing_mode=ui.WIDE,
+        margin=0,
+    )
+
+
+def _grid(fields: list[Viewable]) -> Viewable:
+    # Labels stand on the upper edge of their fields, beyond which a folded group shows nothing.
+    return pn.Column(ui.figure_grid(fields, narrowest=230), sizing_mode=ui.WIDE, margin=(10, 0, 0, 0))
+
+
+def _field(page: Page, knob: Knob) -> Viewable:
+    if knob.options:
+        words = {option.capitalize(): option for option in knob.options}
+        parts = [ui.toggle(page, knob.name, knob.label, words), ui.caption(knob.help)]
+        return pn.Column(*parts, sizing_mode=ui.WIDE, margin=0)
+    label = f"{knob.label} ({knob.unit})" if knob.unit else knob.label
+    bounds = f" {knob.bounds[0].upper() + knob.bounds[1:]}." if knob.bounds else ""
+    return ui.text_field(page, knob.name, label, knob.help + bounds, "" if knob.default else "none")
+
+
+class Progress:
+    """Start, cancel, and how far the configuration of the page is."""
+
+    def __init__(
+        self, start: Callable[[], Any], cancel: Callable[[], Any], profiles: Callable[[], Any]
+    ) -> None:
+        def button(words: str, action: Callable[[], Any], name: str, **params: Any) -> Any:
+            return ui.button(words, action, css_classes=[f"sd-sim-{name}"], margin=(4, 10), **params)
+
+        self.start = button("Simulate", start, "start", color="primary", size="large")
+        self.cancel = button("Cancel", cancel, "cancel", visible=False)
+        self.see = button("See its profiles", profiles, "see", visible=False)
+        self.bar = pn.indicators.Progress(
+            value=0, max=100, width=220, height=12, sizing_mode="fixed", margin=(14, 10), visible=False
+        )
+        self.numbers = ui.plain_text(
+            "", sizing_mode=None, width=330, margin=(8, 10), css_classes=["sd-sim-numbers"]
+        )
+        self.text = LiveText(margin=(4, 10), css_classes=["sd-sim-status"])
+        self.problem = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.view = pn.Column(
+            self.problem,
+            ui.controls(self.start, self.cancel, self.see, self.bar, self.numbers),
+            self.text,
+            sizing_mode=ui.WIDE,
+            margin=0,
+        )
+
+    def show(self, status: JobStatus, visitor: str) -> None:
+        """Show how far a job is."""
+        self.bar.visible = status.active
+        self.bar.value = int(100 * status.fraction)
+        self.numbers.object = words_numbers(status)
+        self.text.text = words_state(status) if status.state != "failed" else ""
+        ended = status.state in ("cancelled", "failed")
+        self.start.disabled = not ended
+        self.start.label = "Resume" if ended and (status.done or status.times_done) else "Simulate"
+        mine = visitor in status.owners or not status.owners
+        self.cancel.visible = status.active and status.state != "stopping" and mine
+        self.refuse(status.error if status.state == "failed" else "")
+
+    def announce(self, words: str, can_start: bool, resume: bool) -> None:
+        """Show what starting would mean."""
+        self.bar.visible = self.cancel.visible = False
+        self.numbers.object = ""
+        self.text.text = words
+        self.start.disabled = not can_start
+        self.start.label = "Resume" if resume else "Simulate"
+
+    def refuse(self, sentence: str) -> None:
+        """Show why something cannot be simulated, or has failed; nothing for an empty sentence."""
+        if sentence != self._refusal:
+            self._refusal = sentence
+            self.problem[:] = [ui.error_state(sentence)] if sentence else []
+
+    _refusal = ""
+
+
+class Others:
+    """All simulations of this server, and what was begun and not finished, each to be shown above."""
+
+    def __init__(self, show: Callable[[EnsembleConfig, str], Any]) -> None:
+        self._show = show
+        self._listed: tuple = ()
+        self._numbers: dict[str, Any] = {}
+        self.rows = pn.Column(sizing_mode=ui.WIDE, margin=0, css_classes=["sd-sim-others"])
+        self.view = ui.folded("Simulations on this server", [self.rows], "sim-list", title_variant="body2")
+
+    def show(self, statuses: tuple[JobStatus, ...], unfinished: tuple[Choice, ...]) -> None:
+        """List them, the newest first."""
+        known = {status.key for status in statuses}
+        waiting = [choice for choice in unfinished if choice.key not in known]
+        listed = (tuple(status.key for status in statuses), tuple(choice.key for choice in waiting))
+        if listed != self._listed or not self.rows.objects:
+            self._listed = listed
+            self._numbers = {}
+            rows = [self._row(s.key, label_of(s.config, s.title), s.config, s.title) for s in statuses[::-1]]
+            rows += [self._row(c.key, c.label, c.config, "") for c in waiting]
+            self.rows[:] = rows or [ui.plain_text("None is running, waiting or unfinished.")]
+        for status in statuses:
+            self._numbers[status.key].object = words_row(status)
+        for choice in waiting:
+            self._numbers[choice.key].object = f"of {choice.config.n_streams} streams · unfinished"
+
+    def _row(self, key: str, label: str, config: EnsembleConfig, title: str) -> Viewable:
+        numbers = self._numbers[key] = ui.plain_text("", sizing_mode=None, width=330, margin=(8, 10))
+        name = ui.plain_text(label, sizing_mode=None, width=330, margin=(8, 10))
+        parts: list[Viewable] = [name, numbers]
+        if config_of(texts_of(config)) == config:  # others came from the command line with more settings
+            parts.append(
+                ui.button(
+                    "Show", lambda: self._show(config, title), size="small", css_classes=["sd-sim-show"]
+                )
+            )
+        return ui.controls(*parts)

@@ -1,0 +1,239 @@
+"""Spectrum page: power, cross and bispectra of each class against the noise (paper, appendix B)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import panel as pn
+from panel.viewable import Viewable
+
+from app import ui
+from app.page import Page
+from app.pages.spectrum.statements import STYLE, statements_html
+from app.pages.spectrum.study import statistics_study
+from app.services.comparison import code_head, configs, noisy_profiles
+from app.services.later import Later
+from app.session.catalog import Choice
+from app.ui.study import StudyCard
+from streamdash.classifier.data import ClassifierError
+from streamdash.plots import spectrum
+from streamdash.plots.live import LiveFigure, export
+from streamdash.statistics.bispectrum import Bispectrum, bispectrum
+from streamdash.statistics.spectra_in_noise import Shown, show
+from streamdash.statistics.spectrum import (
+    NoisySpectra,
+    SpectrumBand,
+    noisy_spectra,
+    shot_noise_level,
+    track_ratio,
+)
+from streamdash.survey.sky import longitude_bins
+
+LEGEND = (
+    ("line", "median over streams, noise included"),
+    ("band", "68 % of the streams"),
+    ("dashes", "median without noise (in class colour); the paper’s 8° and 20° (grey)"),
+    ("ink", "shot noise alone; grey band: 68 % of its draws"),
+)
+LEGEND_PLAIN = (("line", "median over streams"), ("band", "68 % of the streams"))
+PARTS: tuple[spectrum.Part, ...] = ("real", "imaginary")
+WAITING = "Computing …"
+
+
+class SpectrumPage(Page):
+    """Spectra of 2 to 4 mass ranges along Galactic longitude, live with the noise."""
+
+    key, title = "spectrum", "Spectrum"
+    uses = frozenset({"noise", "theme"})
+
+    def view(self) -> Viewable:
+        self.data = self._shown()
+        self.bispectra: list[Bispectrum] = []
+        chosen = configs(self.session)
+        self.live = {
+            kind: LiveFigure(spectrum.draw(self.data, chosen, kind, "bokeh"), ink=(spectrum.NOISE,))
+            for kind in spectrum.KINDS
+        }
+        self.live["density"].set_ink(self.session.theme == "dark")
+        self.live_b: dict[spectrum.Part, LiveFigure] = {}
+        self.later = Later(self.services, self._show_bispectra, self._fail)
+        self.statements = pn.pane.HTML(
+            "", stylesheets=[STYLE], sizing_mode=ui.WIDE, css_classes=["sd-statements"]
+        )
+        self.slots = {
+            part: pn.Column(ui.plain_text(WAITING), sizing_mode=ui.WIDE, margin=0) for part in PARTS
+        }
+        self._make_cards(len(chosen))
+        self.statistics = self._statistics(len(chosen))
+        self._say()
+        self._ask()
+        classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
+        return ui.page_layout(
+            ui.controls(ui.stream_picker(self), ui.ensemble_picker(self), ui.noise_slider(self)),
+            ui.controls(*classes),
+            self.card.view,
+            self.track_card.view,
+            self.bispectrum_card.view,
+            *([self.statistics.view] if self.statistics else []),
+        )
+
+    def update(self, changed: frozenset[str]) -> None:
+        if "theme" in changed:
+            self.live["density"].set_ink(self.session.theme == "dark")
+        if "noise" in changed:
+            self.data = self._shown()
+            for kind, live in self.live.items():
+                live.patch(spectrum.columns(self.data, kind))
+            self._say()
+            self._ask()
+            if self.statistics:
+                self.statistics.renew()
+
+    def close(self) -> None:
+        self.later.cancel()
+        if self.statistics:
+            self.statistics.close()
+        super().close()
+
+    # ------------------------------------------------------------ code shown
+
+    def code(self) -> str:
+        """Lines of Python that make the figure of the density spectrum as it is now."""
+        return self._listing("density")
+
+    def code_track(self) -> str:
+        """Lines of Python that make the figure of the cross spectrum as it is now."""
+        return self._listing("cross")
+
+    def code_bispectrum(self) -> str:
+        """Lines of Python that compute the bispectra as they are now."""
+        keys = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in self.session.ensembles)
+        return (
+            "from streamdash.plots.pdf import collect\n"
+            "from streamdash.statistics.bispectrum import bispectrum\n"
+            "from streamdash.store.cache import Cache\n\n"
+            f"ensembles = [\n{keys}\n]\n"
+            "for key in ensembles:\n"
+            f"    q = collect(Cache.default(), key).noisy({self.session.noise:g})\n"
+            f"    found = bispectrum(q, step={self._step():.7g})\n"
+            "    print(found.scale_1, found.real.median, found.imaginary.median)\n"
+        )
+
+    def _listing(self, kind: str) -> str:
+        return (
+            f"{code_head(self.session, 'spectrum', 'spectrum_figure')}"
+            f'figure = spectrum_figure(Cache.default(), ensembles, "{kind}", noise={self.session.noise:g})\n'
+            f'Path("spectrum-{kind}.png").write_bytes(export(figure, "png"))\n'
+        )
+
+    # ------------------------------------------------------------ inside
+
+    def _make_cards(self, count: int) -> None:
+        self.card = ui.FigureCard(
+            "Power spectrum of the density",
+            [self.live["density"].figure, self.statements],
+            name="spectrum",
+            image=lambda kind: export(self._figure("density"), kind),
+            table=lambda: spectrum.table(self.data, configs(self.session), ["density"]),
+            code=self.code,
+            legend=ui.legend(LEGEND, count),
+        )
+        self.track_card = ui.FigureCard(
+            "Power spectrum of the track, and cross spectrum with the density",
+            [self.live["track"].figure, self.live["cross"].figure],
+            name="spectrum-track",
+            image=lambda kind: export(self._figure("track") + self._figure("cross"), kind),
+            table=lambda: spectrum.table(self.data, configs(self.session), ["track", "cross"]),
+            code=self.code_track,
+            legend=ui.legend(LEGEND_PLAIN, count),
+        )
+        self.bispectrum_card = ui.FigureCard(
+            "Bispectrum of the density",
+            list(self.slots.values()),
+            name="bispectrum",
+            image=lambda kind: export(self._bispectrum("real") + self._bispectrum("imaginary"), kind),
+            table=lambda: spectrum.bispectrum_table(self.bispectra, configs(self.session)),
+            code=self.code_bispectrum,
+            legend=ui.legend(LEGEND_PLAIN, count),
+        )
+
+    def _statistics(self, count: int) -> StudyCard | None:
+        """The comparison of statistics; None where the chosen ensembles are not classes to tell apart."""
+        try:
+            study = statistics_study(self.services, self.session)
+        except ClassifierError:
+            return None
+        card = StudyCard(study, self.services.work, count)
+        card.renew()
+        return card
+
+    def _say(self) -> None:
+        chosen = configs(self.session)
+        self.statements.object = statements_html(self.data, chosen)
+        self.card.say(spectrum.sentence(self.data, chosen))
+        self.track_card.say(spectrum.track_sentence(self.data, chosen))
+
+    def _figure(self, kind: str) -> Any:
+        return spectrum.draw(self.data, configs(self.session), kind, "matplotlib")
+
+    def _bispectrum(self, part: spectrum.Part) -> Any:
+        return spectrum.draw_bispectrum(self.bispectra, configs(self.session), part, "matplotlib")
+
+    # ------------------------------------------------------------ results
+
+    def _shown(self) -> Shown:
+        """Bands and statements at the chosen noise, computed once for all sessions."""
+        choices, noise = self.session.ensembles, self.session.noise
+
+        def compute() -> Shown:
+            return show([self._spectra(choice) for choice in choices], self._level(), noise)
+
+        return self.services.shared(("spectra shown", *(choice.key for choice in choices), noise), compute)
+
+    def _spectra(self, choice: Choice) -> NoisySpectra:
+        def compute() -> NoisySpectra:
+            services = self.services
+            geometry = services.geometry(choice.config.stream)
+            track = track_ratio(geometry, services.ensemble(choice.key), longitude_bins(geometry))
+            return noisy_spectra(services.q_rho(choice), services.draws(choice), track, self._step())
+
+        return self.services.shared(("spectra", choice.key), compute)
+
+    def _edges(self) -> Any:
+        return longitude_bins(self.services.geometry(self.session.ensembles[0].config.stream))
+
+    def _step(self) -> float:
+        edges = self._edges()
+        return abs(float(edges[1] - edges[0]))
+
+    def _level(self) -> SpectrumBand:
+        """√P of shot noise of σ_ε = 1 in these bins."""
+        n_bin, step = len(self._edges()) - 1, self._step()
+        return self.services.shared(("noise level", n_bin, step), lambda: shot_noise_level(n_bin, step))
+
+    def _ask(self) -> None:
+        """Have the bispectra computed once the slider rests."""
+        services, choices, noise = self.services, self.session.ensembles, self.session.noise
+        step, keys = self._step(), tuple(choice.key for choice in self.session.ensembles)
+
+        def compute() -> list[Bispectrum]:
+            return [bispectrum(q, step) for q in noisy_profiles(services, choices, noise)]
+
+        self.later.ask(lambda: services.shared(("bispectra", *keys, noise), compute))
+
+    def _show_bispectra(self, bispectra: list[Bispectrum]) -> None:
+        self.bispectra = bispectra
+        chosen = configs(self.session)
+        for part, slot in self.slots.items():
+            if part in self.live_b:
+                self.live_b[part].patch(spectrum.bispectrum_columns(bispectra, part))
+            else:
+                live = LiveFigure(spectrum.draw_bispectrum(bispectra, chosen, part, "bokeh"))
+                self.live_b[part] = live
+                slot[:] = [pn.pane.Bokeh(live.figure, sizing_mode=ui.WIDE, margin=0)]
+        self.bispectrum_card.say(spectrum.bispectrum_sentence(bispectra, chosen))
+
+    def _fail(self, sentence: str) -> None:
+        self.live_b.clear()
+        for slot in self.slots.values():
+            slot[:] = [ui.error_state(sentence)]

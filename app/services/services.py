@@ -1,0 +1,208 @@
+"""What all browser sessions of one server process share. Passed in; never imported as a global.
+
+`Services.shared` is the place for every result that depends only on (ensembles, noise, bins, …):
+PDFs, evidence, trained models. It computes each key once however many sessions ask at the same
+moment, keeps what was used last, and forgets the rest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import logging
+import sys
+import threading
+from collections.abc import Callable, Hashable, Mapping
+from concurrent.futures import Future
+from typing import Any, TypeVar
+
+import numpy as np
+import xarray as xr
+from cachetools import LRUCache
+
+from app.services.cache_watch import CacheWatch
+from app.session.catalog import SHOWN, Catalog, Choice, read_catalog
+from app.work.tasks import Work
+from streamdash.config import StreamModel
+from streamdash.engine.geometry import Geometry
+from streamdash.observe.table import UploadLimit
+from streamdash.simulation.jobs import Jobs, Limits
+from streamdash.store.cache import Cache
+from streamdash.survey import sky
+from streamdash.survey.bands import noise_draws
+
+T = TypeVar("T")
+logger = logging.getLogger(__name__)
+
+MEMORY_BYTES = 512 * 2**20
+"""Memory that shared results may keep, in bytes."""
+
+
+class Unavailable(Exception):
+    """Something cannot be shown; the message is one sentence for the person looking."""
+
+
+class Services:
+    """Cache, geometries, ensembles and shared results of one server process.
+
+    Parameters
+    ----------
+    cache
+        The cache that sessions read.
+    memory
+        Bytes that shared results may keep.
+    limits
+        What may be simulated from a browser.
+    uploads
+        How large a table may be uploaded.
+
+    Attributes
+    ----------
+    work : Work
+        Long computations with progress and cancel.
+    laboratory : Work
+        The same for simulations of convergence tests, which nothing else should wait for.
+    jobs : Jobs
+        Simulations in the background.
+    watch : CacheWatch
+        Notices new ensembles, once it is started.
+    """
+
+    def __init__(
+        self,
+        cache: Cache,
+        memory: int = MEMORY_BYTES,
+        limits: Limits | None = None,
+        uploads: UploadLimit | None = None,
+    ) -> None:
+        self.cache = cache
+        self.work = Work()
+        self.laboratory = Work()
+        self.jobs = Jobs(cache, limits)
+        self.uploads = uploads or UploadLimit()
+        self.watch = CacheWatch(cache)
+        self._results: LRUCache = LRUCache(memory, getsizeof=_size)
+        self._running: dict[Hashable, tuple[Future, int]] = {}
+        self._lock = threading.Lock()
+
+    def shared(self, key: Hashable, compute: Callable[[], T]) -> T:
+        """Result of ``compute()``, computed once for all sessions.
+
+        Parameters
+        ----------
+        key
+            Everything the result depends on, hashable, starting with a name of its kind:
+            ``("evidence", ensemble_keys, noise, n_bin)``. Floats must be rounded already.
+        compute
+            Called without arguments if the result is not there. It may call `shared` with other
+            keys. Its result is shared between sessions and threads: never change it in place.
+
+        Returns
+        -------
+        result
+            Also when it is too large to be kept.
+
+        Raises
+        ------
+        Exception
+            Whatever ``compute`` raised, for every caller that waited; nothing is kept, so that the
+            next call tries again.
+        """
+        me = threading.get_ident()
+        with self._lock:
+            if key in self._results:
+                return self._results[key]
+            future, owner = self._running.get(key, (None, me))
+            if future is None:
+                future = Future()
+                self._running[key] = (future, me)
+                mine = True
+            else:
+                mine = False
+        if not mine:
+            if owner == me:
+                raise RuntimeError(f"computing {key!r} asks for itself")
+            return future.result()
+        try:
+            result = compute()
+        except BaseException as error:
+            with self._lock:
+                del self._running[key]
+            future.set_exception(error)
+            raise
+        with self._lock:
+            del self._running[key]
+            try:
+                self._results[key] = result
+            except ValueError:  # larger than all the memory allowed
+                logger.warning("result %r is too large to be kept", key)
+        future.set_result(result)
+        return result
+
+    def catalog(self) -> Catalog:
+        """Streams and ensembles there are now."""
+        return self.watch.catalog or read_catalog(self.cache.entries(SHOWN))
+
+    def geometry(self, stream: StreamModel) -> Geometry:
+        """Geometry of a stream, from the cache only: computing it takes minutes.
+
+        Raises
+        ------
+        Unavailable
+            When the cache does not have it or it is damaged.
+        """
+
+        def compute() -> Geometry:
+            dataset = self.cache.open_geometry(stream)
+            if dataset is None:
+                raise Unavailable(
+                    "The geometry of this stream is not in the cache; run `streamdash simulate` for it once."
+                )
+            return Geometry.from_dataset(dataset, stream)
+
+        return self.shared(("geometry", stream.key), compute)
+
+    def ensemble(self, key: str) -> xr.Dataset:
+        """A complete ensemble, in memory: ``density`` and ``omega`` (stream, theta)."""
+        return self.shared(("ensemble", key), lambda: self.cache.open_ensemble(key).load())
+
+    def q_rho(self, choice: Choice) -> np.ndarray:
+        """Qρ of an ensemble in 0.2° bins of longitude, noiseless: (n_streams, n_bin) float32."""
+
+        def compute() -> np.ndarray:
+            geometry = self.geometry(choice.config.stream)
+            try:
+                return sky.q_rho(geometry, self.ensemble(choice.key), sky.longitude_bins(geometry))
+            except ValueError as error:
+                raise Unavailable(f"{choice.label} cannot be shown in bins of longitude: {error}.") from None
+
+        return self.shared(("q_rho", choice.key), compute)
+
+    def draws(self, choice: Choice) -> np.ndarray:
+        """The fixed standard-normal draws that are an ensemble's noise at σ_ε = 1, like `q_rho`."""
+        return self.shared(
+            ("draws", choice.key), lambda: noise_draws(choice.config, self.q_rho(choice).shape)
+        )
+
+
+@functools.cache
+def process_services() -> Services:
+    """The one `Services` of this server process; only ``main.py`` calls this."""
+    return Services(Cache.default(), limits=Limits.from_environment(), uploads=UploadLimit.from_environment())
+
+
+def _size(value: Any) -> int:
+    """Bytes of arrays in a result, however nested; 1 kB for anything else."""
+    if isinstance(value, np.ndarray):
+        return value.nbytes + 128
+    if isinstance(value, xr.Dataset | xr.DataArray):
+        return value.nbytes + 1024
+    if isinstance(value, bytes | str):
+        return sys.getsizeof(value)
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return 256 + sum(_size(getattr(value, field.name)) for field in dataclasses.fields(value))
+    if isinstance(value, Mapping):
+        return 256 + sum(_size(item) for item in value.values())
+    if isinstance(value, tuple | list):
+        return 256 + sum(_size(item) for item in value)
+    return 1024

@@ -1,0 +1,1 @@
+"""What one browser session has chosen, and its form in links."""

@@ -1,0 +1,149 @@
+"""Which streams and ensembles can be shown: a frozen snapshot of the cache. Pure; no Panel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from streamdash.config import Config, EnsembleConfig, Perturbers, StreamModel, mass_label
+from streamdash.naming import mass_text
+
+CLASSES_MIN, CLASSES_MAX = 2, 4
+"""Fewest and most mass ranges compared at once."""
+SHOWN = ("ensembles", "geometries")
+"""Kinds of cache entries that a catalog is made of."""
+PAPER_RANGES = ("1e3-1e5", "1e5-1e9")
+"""Mass ranges compared when nothing else was asked for: the paper's two classes."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One complete ensemble a person can pick."""
+
+    key: str
+    """Name of the cache entry."""
+    token: str
+    """Short name in links: the mass range, with part of the key where that is not enough."""
+    label: str
+    """Name in menus: the mass range and whatever differs from the defaults."""
+    config: EnsembleConfig
+
+
+@dataclass(frozen=True)
+class Stream:
+    """One stream model that has complete ensembles, lowest masses first."""
+
+    key: str
+    label: str
+    model: StreamModel
+    ensembles: tuple[Choice, ...]
+
+    def find(self, token: str) -> Choice | None:
+        """The ensemble of a link's token, of a cache key, or of its first eight digits or more."""
+        for choice in self.ensembles:
+            if choice.token == token or (len(token) >= 8 and choice.key.startswith(token)):
+                return choice
+        return None
+
+    def default(self) -> tuple[Choice, ...]:
+        """The paper's two classes where they exist, else the first two ensembles."""
+        paper = tuple(c for c in map(self.find, PAPER_RANGES) if c is not None)
+        return paper if len(paper) == len(PAPER_RANGES) else self.ensembles[:CLASSES_MIN]
+
+
+@dataclass(frozen=True)
+class Catalog:
+    """All streams that can be shown, and one sentence for every entry that cannot."""
+
+    streams: tuple[Stream, ...] = ()
+    problems: tuple[str, ...] = ()
+    unfinished: tuple[Choice, ...] = ()
+    """Ensembles that were begun and can be resumed."""
+
+    def stream(self, key: str) -> Stream | None:
+        """The stream model of a key; the first one for an empty key."""
+        if not key:
+            return self.streams[0] if self.streams else None
+        return next((s for s in self.streams if s.key == key), None)
+
+
+def read_catalog(entries: Iterable[Any]) -> Catalog:
+    """Sort cache entries (`streamdash.store.cache.Entry`) into what can be shown and what cannot."""
+    groups: dict[str, list[Any]] = {}
+    problems, unfinished = [], []
+    for entry in entries:
+        if entry.state in ("damaged", "foreign"):
+            problems.append(f"Cache entry {entry.label or entry.key} is {entry.state}: {entry.reason}")
+        elif entry.kind == "ensemble" and entry.state == "partial":
+            unfinished.append(Choice(entry.key, entry.key, entry_label(entry), entry.config))
+        elif entry.kind == "ensemble" and entry.state == "complete":
+            group = groups.setdefault(entry.config.stream.key, [])
+            if all(entry.key != other.key for other in group):  # shipped and a user's own copy
+                group.append(entry)
+    default_key = StreamModel().key
+    ordered = sorted(groups, key=lambda key: (key != default_key, key))
+    return Catalog(tuple(_stream(groups[key]) for key in ordered), tuple(problems), tuple(unfinished))
+
+
+def entry_label(entry: Any) -> str:
+    """Name of an ensemble for people: the one it was given, its masses, and what sets it apart."""
+    return label_of(entry.config, entry.title)
+
+
+def label_of(config: EnsembleConfig, title: str = "") -> str:
+    """Name of a configuration for people; ``title`` comes first where somebody gave one."""
+    words = [title] if title else []
+    return " · ".join([*words, mass_text(config.perturbers.mass_range), *_differences(config)])
+
+
+def _stream(entries: Sequence[Any]) -> Stream:
+    ordered = sorted(entries, key=_order)
+    model = ordered[0].config.stream
+    choices: list[Choice] = []
+    for entry in ordered:
+        plain = mass_label(entry.config.perturbers.mass_range)
+        taken = any(choice.token == plain for choice in choices)
+        token = f"{plain}~{entry.key[:8]}" if taken or _differences(entry.config) else plain
+        label = entry_label(entry)
+        labels = {choice.label for choice in choices}
+        if label in labels:
+            label += f" · n_streams {entry.config.n_streams}"
+        if label in labels:  # menus go by the label
+            label += f" · {entry.key[:8]}"
+        choices.append(Choice(entry.key, token, label, entry.config))
+    return Stream(model.key, stream_text(model), model, tuple(choices))
+
+
+def _order(entry: Any) -> tuple:
+    low, high = entry.config.perturbers.mass_range
+    return low, high, len(_differences(entry.config)), -entry.config.n_streams, entry.key
+
+
+def _differences(config: EnsembleConfig) -> list[str]:
+    """What sets an ensemble apart from the default of its stream and mass range.
+
+    Neither the number of streams nor the numerical accuracy: they do not change what is simulated.
+    """
+    perturbers = config.perturbers
+    plain = Perturbers(mass_range=perturbers.mass_range)
+    words = _changed(perturbers, plain)
+    same = config.model_copy(update={"seed": 0, **_ANGLES})
+    return words + _changed(config, same)
+
+
+_ANGLES = {name: EnsembleConfig.model_fields[name].default for name in ("theta_min", "theta_max", "n_theta")}
+
+
+def _changed(config: Config, reference: Config) -> list[str]:
+    return [
+        f"{name} {value if not isinstance(value, Config) else 'changed'}"
+        for name, value in config
+        if value != getattr(reference, name)
+    ]
+
+
+def stream_text(model: StreamModel) -> str:
+    """Name of a stream model: GD-1-like, and whatever differs from that default."""
+    words = _changed(model, StreamModel())
+    return "GD-1-like" + (f" · {', '.join(words)}" if words else "")

@@ -1,0 +1,255 @@
+"""What one browser session has chosen, and its form in the URL.
+
+`read_query` and `write_query` are pure functions; `Session` holds the values widgets bind to.
+To let a page remember something new: add a parameter to `Session` and a line to `FIELDS`; a page
+with choices of its own only keeps both in ``app/state_<page>.py``, as a class that `Session` inherits
+from and a dictionary that `FIELDS` takes in.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+from urllib.parse import parse_qsl, urlencode
+from uuid import uuid4
+
+import param
+
+from app.pages.convergence.state import FIELDS as CONVERGENCE
+from app.pages.convergence.state import ConvergenceState
+from app.pages.learn.state import FIELDS as LEARN
+from app.pages.learn.state import LearnState
+from app.pages.observe.state import FIELDS as OBSERVE
+from app.pages.observe.state import ObserveState
+from app.pages.simulate.state import FIELDS as SIMULATE
+from app.pages.simulate.state import SimulateState
+from app.session.catalog import CLASSES_MAX, CLASSES_MIN, Catalog
+from app.session.fields import Field, integer, number, option
+from streamdash.plots.style import COORDINATE_LABELS
+
+QUANTITIES = {"q_rho": "Qρ", "rho": "ρ", "omega": "⟨Ω∥⟩"}
+N_BIN = (2, 500)
+HIGHLIGHTS_MAX = 10
+SEED_MAX = 9999
+N_PCA_MAX = 100
+_LONGEST_SHOWN = 40
+
+
+FIELDS: dict[str, Field] = {
+    "noise": number(0.0, 1.0),
+    "n_bin": integer(*N_BIN),
+    "alpha": integer(0, N_BIN[1]),
+    "fiducial": integer(0, CLASSES_MAX - 1),
+    "exclude": option("noise", "measured"),
+    "x": option(*COORDINATE_LABELS),
+    "y": option(*QUANTITIES),
+    "highlight": integer(0, HIGHLIGHTS_MAX),
+    "seed": integer(0, SEED_MAX),
+    "preset": option("best", "paper"),
+    "n_pca": integer(1, N_PCA_MAX),
+    "features": option("both", "pca", "summaries"),
+    "depth": integer(0, 128),
+    "trees": integer(0, 2000),
+    "cell": integer(0, CLASSES_MAX**2),
+    "theme": option("default", "dark"),
+    **LEARN,
+    **OBSERVE,
+    **CONVERGENCE,
+    **SIMULATE,
+}
+"""Values that can be checked alone; ``page``, ``stream`` and ``mass`` need to know what exists."""
+
+
+class Session(LearnState, ObserveState, ConvergenceState, SimulateState):
+    """One browser session's choices. Widgets bind to these; the URL follows them."""
+
+    page = param.String("", doc="key of the page shown; empty: the first")
+    stream = param.String("", doc="key of the stream model; empty: the first of the catalog")
+    mass = param.List([], item_type=str, doc="cache keys of the ensembles compared, lowest masses first")
+    noise = param.Number(0.1, bounds=(0, 1), step=0.01, doc="shot noise σ_ε per 0.2° bin")
+    n_bin = param.Integer(20, bounds=N_BIN, doc="number of bins of PDF(Qρ)")
+    alpha = param.Integer(0, bounds=(0, N_BIN[1]), doc="bin of PDF(Qρ) looked into, from 1; 0: at Qρ = 1")
+    fiducial = param.Integer(0, bounds=(0, CLASSES_MAX - 1), doc="model that data are assumed to come from")
+    exclude = param.Selector(
+        default="noise",
+        objects=["noise", "measured"],
+        doc="width that limits the distance from the peak: σ_ε, or that of the lowest-mass PDF",
+    )
+    x = param.Selector(default="ell", objects=list(COORDINATE_LABELS), doc="coordinate along the stream")
+    y = param.Selector(default="q_rho", objects=list(QUANTITIES), doc="quantity shown in profiles")
+    highlight = param.Integer(3, bounds=(0, HIGHLIGHTS_MAX), doc="number of highlighted streams")
+    seed = param.Integer(0, bounds=(0, SEED_MAX), doc="seed that picks the highlighted streams")
+    preset = param.Selector(default="best", objects=["best", "paper"], doc="classifier to start from")
+    n_pca = param.Integer(30, bounds=(1, N_PCA_MAX), doc="principal components the classifier is given")
+    features = param.Selector(
+        default="both", objects=["both", "pca", "summaries"], doc="what the classifier is given"
+    )
+    depth = param.Integer(0, bounds=(0, 128), doc="depth of the trees; 0: the preset's")
+    trees = param.Integer(0, bounds=(0, 2000), doc="trees per class; 0: the preset's")
+    cell = param.Integer(
+        0,
+        bounds=(0, CLASSES_MAX**2),
+        doc="cell of the confusion matrix looked into, row by row from 1; 0: the most common mistake",
+    )
+    theme = param.Selector(default="default", objects=["default", "dark"], doc="light or dark")
+
+    problems = param.List([], item_type=str, doc="what was wrong with the link, one sentence each")
+    catalog = param.ClassSelector(class_=Catalog, default=Catalog(), doc="streams and ensembles there are")
+
+    def __init__(self, pages: tuple[str, ...] = (), catalog: Catalog = Catalog(), **values: Any) -> None:
+        self.pages = pages
+        self.visitor = uuid4().hex
+        super().__init__(catalog=catalog, **values)
+
+    @property
+    def ensembles(self) -> tuple:
+        """The chosen `Choice` objects, lowest masses first: models M0, M1, …"""
+        stream = self.catalog.stream(self.stream)
+        return tuple(c for c in stream.ensembles if c.key in self.mass) if stream else ()
+
+    def load(self, search: str) -> None:
+        """Take over a URL's query; what is missing or wrong becomes the default."""
+        values, problems = read_query(search, self.pages, self.catalog)
+        defaults = {name: type(self).param[name].default for name in (*FIELDS, "page", "stream")}
+        self.param.update(**{**defaults, **values, "problems": problems})
+
+    def refresh(self, catalog: Catalog) -> None:
+        """Take over a newer catalog; what is chosen stays as far as it still exists."""
+        stream = catalog.stream(self.stream) or catalog.stream("")
+        values: dict[str, Any] = {"catalog": catalog, "stream": stream.key if stream else "", "mass": []}
+        if stream is not None:
+            kept = [c.key for c in stream.ensembles if c.key in self.mass]
+            enough = len(kept) >= min(CLASSES_MIN, len(stream.ensembles))
+            values["mass"] = kept if enough else [c.key for c in stream.default()]
+            if self.mass and not set(self.mass) <= set(values["mass"]):
+                gone = "An ensemble that was shown is no longer in the cache; others are shown."
+                values["problems"] = [*self.problems, gone]
+        self.param.update(**values)
+
+    @property
+    def search(self) -> str:
+        """The query that reproduces this view; what has its default value is left out."""
+        return write_query(self)
+
+    def choose_stream(self, key: str) -> None:
+        """Switch to another stream model and to its default mass ranges."""
+        stream = self.catalog.stream(key)
+        if stream is not None:
+            self.param.update(stream=key, mass=[c.key for c in stream.default()])
+
+
+def read_query(search: str, pages: tuple[str, ...], catalog: Catalog) -> tuple[dict[str, Any], list[str]]:
+    """Read a URL's query, each key on its own.
+
+    Parameters
+    ----------
+    search
+        Query with or without its question mark.
+    pages
+        Keys of the pages that exist.
+    catalog
+        Streams and ensembles that exist.
+
+    Returns
+    -------
+    values, problems
+        Values by name (always with ``stream`` and ``mass``), and one sentence, naming the key,
+        for everything that was ignored.
+    """
+    given, problems = _split(search)
+    values: dict[str, Any] = {}
+    for name, text in given.items():
+        field = option(*pages) if name == "page" else FIELDS.get(name)
+        if field is None:
+            continue
+        try:
+            values[name] = field.read(text)
+        except ValueError as error:
+            problems.append(f"{name}={_short(text)} in the link was ignored: {name} {error}.")
+    stream = catalog.stream(given.get("stream", ""))
+    if stream is None and catalog.streams:
+        problems.append(
+            f"stream={_short(given['stream'])} in the link was ignored: no complete ensemble of this "
+            f"stream is in the cache; the {catalog.streams[0].label} stream is shown."
+        )
+        stream = catalog.streams[0]
+    values["stream"] = stream.key if stream else ""
+    values["mass"] = _read_mass(given.get("mass"), stream, problems) if stream else []
+    return values, problems
+
+
+def _split(search: str) -> tuple[dict[str, str], list[str]]:
+    try:
+        pairs = parse_qsl(search.lstrip("?"), keep_blank_values=True, max_num_fields=50)
+    except ValueError:
+        return {}, ["The link was ignored: it has more than 50 keys."]
+    given, problems = {}, []
+    for name, text in pairs:
+        if name.startswith("bokeh-"):  # the server's own
+            continue
+        if name not in (*FIELDS, "page", "stream", "mass"):
+            problems.append(f"{_short(name)} in the link was ignored: there is no such key.")
+        elif name in given:
+            problems.append(f"{name} is given twice in the link: only the first one counts.")
+        else:
+            given[name] = text
+    return given, problems
+
+
+def _read_mass(text: str | None, stream, problems: list[str]) -> list[str]:
+    default = [c.key for c in stream.default()]
+    if text is None:
+        return default
+    found: list[str] = []
+    for token in text.split(",")[:50]:
+        choice = stream.find(token.strip())
+        if choice is None:
+            known = ", ".join(c.token for c in stream.ensembles[:8])
+            problems.append(
+                f"mass={_short(token)} in the link was ignored: no complete ensemble has this mass "
+                f"range; there are {known}."
+            )
+        elif choice.key not in found:
+            found.append(choice.key)
+    fewest = min(CLASSES_MIN, len(stream.ensembles))
+    if not fewest <= len(found) <= CLASSES_MAX:
+        problems.append(
+            f"mass in the link was ignored: it must name {CLASSES_MIN} to {CLASSES_MAX} mass ranges."
+        )
+        return default
+    return [c.key for c in stream.ensembles if c.key in found]
+
+
+def write_query(session: Session) -> str:
+    """Write a session's choices as a URL query, leaving out defaults; inverse of `read_query`."""
+    query: dict[str, str] = {}
+    if session.page and session.pages and session.page != session.pages[0]:
+        query["page"] = session.page
+    stream = session.catalog.stream(session.stream)
+    if stream is not None:
+        if stream.key != session.catalog.streams[0].key:
+            query["stream"] = stream.key
+        if [c.key for c in session.ensembles] != [c.key for c in stream.default()]:
+            query["mass"] = ",".join(c.token for c in session.ensembles)
+    for name, field in FIELDS.items():
+        value = getattr(session, name)
+        if value != type(session).param[name].default:
+            query[name] = field.write(value)
+    return f"?{urlencode(query, safe=',~')}" if query else ""
+
+
+def link_to(session: Session, **changes: Any) -> str:
+    """Query of a session's view with some of its choices changed."""
+    query = dict(parse_qsl(write_query(session).lstrip("?")))
+    for name, value in changes.items():
+        query.pop(name, None)
+        default = session.pages[0] if name == "page" else type(session).param[name].default
+        if value != default:
+            query[name] = value if name == "page" else FIELDS[name].write(value)
+    other = Session(session.pages, session.catalog)
+    other.load(urlencode(query))
+    return other.search  # as the address bar will have it
+
+
+def _short(text: str) -> str:
+    clean = "".join(c if c.isprintable() else "�" for c in text)
+    return clean if len(clean) <= _LONGEST_SHOWN else clean[: _LONGEST_SHOWN - 1] + "…"

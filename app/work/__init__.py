@@ -1,0 +1,1 @@
+"""Long computations behind the pages."""

@@ -1,0 +1,135 @@
+"""From a session's choices to a trained classifier: one for all sessions, kept on disk."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Hashable, Mapping
+from typing import Any
+
+from app.services.services import Services
+from app.session.session import Session
+from app.work.tasks import Compute
+from streamdash.classifier.data import LabelledStreams
+from streamdash.classifier.model import PRESETS, ClassifierConfig
+from streamdash.classifier.store import ModelFileError, ModelStore
+from streamdash.classifier.train import Judged, judge, model_key, train
+from streamdash.statistics.features import ALL_SUMMARIES
+from streamdash.survey.sky import longitude_bins
+
+logger = logging.getLogger(__name__)
+FEATURES = {"both": "Both", "pca": "Components", "summaries": "Summaries"}
+
+
+def settings_of(session: Session) -> ClassifierConfig:
+    """The classifier that a session's choices describe."""
+    preset = PRESETS[session.preset]
+    features = preset.features.model_copy(
+        update={
+            "n_pca": 0 if session.features == "summaries" else session.n_pca,
+            "summaries": () if session.features == "pca" else ALL_SUMMARIES,
+        }
+    )
+    changes: dict[str, Any] = {}
+    if session.depth:
+        changes["max_depth"] = session.depth
+    if session.trees:
+        changes |= {"n_estimators": session.trees, "early_stopping_rounds": None}
+    boosting = preset.boosting.model_copy(update=changes)
+    return preset.model_copy(update={"features": features, "boosting": boosting})
+
+
+def choices_of(settings: ClassifierConfig) -> Mapping[str, Any]:
+    """The session's choices that give a preset's features; depth and trees are left to the preset."""
+    features = settings.features
+    both = "both" if features.n_pca else "summaries"
+    return {
+        "n_pca": max(features.n_pca, 1),
+        "features": both if features.summaries else "pca",
+        "depth": 0,
+        "trees": 0,
+    }
+
+
+def streams_of(services: Services, session: Session) -> LabelledStreams:
+    """The chosen classes' streams in 0.2° bins with their noise draws."""
+    choices = session.ensembles
+
+    def compute() -> LabelledStreams:
+        edges = longitude_bins(services.geometry(choices[0].config.stream))
+        return LabelledStreams(
+            tuple(services.q_rho(choice) for choice in choices),
+            tuple(services.draws(choice) for choice in choices),
+            tuple(choice.config.perturbers.label for choice in choices),
+            tuple(choice.key for choice in choices),
+            0.5 * (edges[:-1] + edges[1:]),
+            tuple(services.ensemble(choice.key)["n_impacts"].to_numpy() for choice in choices),
+        )
+
+    return services.shared(("labelled streams", *(choice.key for choice in choices)), compute)
+
+
+def data_key(session: Session) -> tuple[Hashable, ...]:
+    """Everything that a trained model of the session's choices depends on."""
+    return _key(session, session.noise, settings_of(session))
+
+
+def _key(session: Session, noise: float, settings: ClassifierConfig) -> tuple[Hashable, ...]:
+    return (*(choice.key for choice in session.ensembles), noise, settings.key)
+
+
+def training(services: Services, session: Session) -> tuple[Hashable, Compute]:
+    """Key and computation of the chosen classifier, for `app.work.tasks.Work.ask`."""
+    return train_task(services, session, session.noise, settings_of(session))
+
+
+def train_task(
+    services: Services, session: Session, noise: float, settings: ClassifierConfig
+) -> tuple[Hashable, Compute]:
+    """Key and computation of a classifier of the chosen classes, for `app.work.tasks.Work.ask`.
+
+    A model that was kept on disk is read and judged again, which takes a fraction of a second; one
+    whose files are damaged is trained anew.
+    """
+    streams = streams_of(services, session)
+
+    def compute(progress, should_stop) -> Judged:
+        store, key = ModelStore.default(), model_key(streams, noise, settings)
+        try:
+            kept = store.open(key)
+        except ModelFileError:
+            store.remove(key)
+            kept = None
+        if kept is not None:
+            return judge(kept, streams)
+        judged = train(streams, noise, settings, progress, should_stop)
+        try:
+            store.save(key, judged.classifier)
+        except OSError as error:  # a full disk or a read-only folder takes nothing from who waits
+            logger.warning("the model could not be kept: %s", error)
+        return judged
+
+    return ("classifier", *_key(session, noise, settings)), compute
+
+
+def code_head(session: Session, *modules: str) -> str:
+    """First lines of a listing: imports, the chosen streams and the chosen classifier."""
+    ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in session.ensembles)
+    settings = settings_of(session)
+    imports = sorted(
+        {
+            "from streamdash.classifier.data import read_streams",
+            "from streamdash.classifier.model import PRESETS, ClassifierConfig",
+            "from streamdash.store.cache import Cache",
+            *modules,
+        }
+    )
+    chosen = f'PRESETS["{session.preset}"]'
+    if settings != PRESETS[session.preset]:
+        text = settings.model_dump_json(exclude_defaults=True)
+        chosen = f"ClassifierConfig.parse('{text}')"
+    return (
+        "\n".join(["from pathlib import Path", "", *imports]) + "\n\n"
+        f"ensembles = [\n{ensembles}\n]\n"
+        "streams = read_streams(Cache.default(), ensembles)\n"
+        f"settings = {chosen}\n"
+    )

@@ -1,0 +1,1 @@
+"""The ``streamdash`` command: one file a command."""

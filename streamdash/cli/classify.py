@@ -1,0 +1,148 @@
+"""``streamdash classify``: which perturbers made the gaps of a measured profile?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from streamdash.cli.common import (
+    CacheOption,
+    InputError,
+    JsonOption,
+    make_cache,
+    print_json,
+    progress_bar,
+    wrong_input,
+)
+
+if TYPE_CHECKING:
+    from streamdash.store.cache import Cache
+
+
+def classify_command(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Table of positions, values and errors.")],
+    mass: Annotated[
+        str, typer.Option("--mass", help="Mass ranges to compare, 2 to 4, such as 1e3-1e5,1e5-1e9.")
+    ] = "1e3-1e5,1e5-1e9",
+    coordinate: Annotated[Literal["ell", "phi1"] | None, typer.Option(help="What positions are.")] = None,
+    position: Annotated[str | None, typer.Option(help="Column with the middle of the bins.")] = None,
+    upper: Annotated[
+        str | None, typer.Option(help="Column with their upper end; position is the lower.")
+    ] = None,
+    width: Annotated[float | None, typer.Option(help="Width of the bins (deg).")] = None,
+    value: Annotated[str | None, typer.Option(help="Column that was measured.")] = None,
+    kind: Annotated[
+        Literal["q_rho", "density", "counts", "detrended"] | None, typer.Option(help="What the value is.")
+    ] = None,
+    smooth: Annotated[str | None, typer.Option(help="Column with the smooth profile.")] = None,
+    order: Annotated[
+        int | None, typer.Option(help="Polynomial divided out; 0: the mean, -1: nothing.")
+    ] = None,
+    error_kind: Annotated[
+        Literal["column", "constant", "poisson"] | None, typer.Option(help="Where errors come from.")
+    ] = None,
+    error: Annotated[str | None, typer.Option(help="Column with the errors.")] = None,
+    constant: Annotated[float | None, typer.Option(help="Relative error of all bins.")] = None,
+    html: Annotated[
+        Path | None, typer.Option("--report", metavar="HTML", help="Also write a report.")
+    ] = None,
+    as_json: JsonOption = False,
+    cache: CacheOption = None,
+) -> None:
+    """Classify a measured density profile by the mass range of the perturbers.
+
+    Simulated streams are put through the profile's own bins, errors and gaps, and a classifier is
+    trained on them. What the columns are is guessed and stated; the options change it.
+    """
+    from streamdash.observe.report import text
+
+    if html is not None and not html.absolute().parent.is_dir():
+        raise InputError(f"The folder of {html} does not exist; make it first.")
+    changes = {
+        "coordinate": coordinate,
+        "position": position,
+        "upper": upper,
+        "width": width,
+        "value": value,
+        "kind": kind,
+        "smooth": smooth,
+        "order": order,
+        "error_kind": error_kind,
+        "error": error,
+        "constant": constant,
+    }
+    with wrong_input():
+        result, page = classify(_read(file), make_cache(cache), mass.split(","), changes)
+        if html is not None:
+            _write(html, page())
+    if as_json:
+        print_json(result)
+    else:
+        print(text(result))
+
+
+def classify(
+    data: bytes, cache: Cache, labels: list[str], changes: dict[str, Any]
+) -> tuple[dict[str, Any], Any]:
+    """Report on a table, and a function that makes its HTML.
+
+    Raises
+    ------
+    ValueError
+        In one sentence, when the table or a choice cannot be used.
+    """
+    from streamdash.observe.guess import changed, guess
+    from streamdash.observe.observation import interpret
+    from streamdash.observe.report import report
+    from streamdash.observe.table import read_table
+    from streamdash.observe.verdict import judge, prepare
+    from streamdash.plots.report_html import report_html
+    from streamdash.simulation.geometry import load_geometry
+
+    configs = [_find(cache, label.strip()) for label in labels]
+    table = read_table(data)
+    assumptions = changed(guess(table), changes)
+    observation = interpret(table, assumptions, load_geometry(configs[0].stream, cache))
+    with progress_bar() as titled:
+        prepared = prepare(cache, configs, observation.design, titled("Learning from streams so observed"))
+    result = report(judge(prepared, observation), observation, prepared)
+    return result, lambda: report_html(result, observation, prepared.bands())
+
+
+def _find(cache: Cache, label: str) -> Any:
+    """The complete ensemble of a mass range or cache key; of several, that of most streams."""
+    from streamdash.config import mass_label, parse_mass_range
+
+    complete = [e for e in cache.entries() if e.kind == "ensemble" and e.state == "complete"]
+    try:
+        wanted = mass_label(parse_mass_range(label))
+    except ValueError:
+        wanted = label
+    found = [e for e in complete if e.config.perturbers.label == wanted or e.key == label]
+    if not found:
+        known = ", ".join(sorted({e.config.perturbers.label for e in complete})) or "none at all"
+        raise InputError(
+            f"--mass: no complete ensemble of {label[:40]!r} is in the cache; there are {known}."
+        )
+    return max(found, key=lambda e: e.config.n_streams).config
+
+
+def _read(path: Path) -> bytes:
+    from streamdash.observe.table import MAX_BYTES
+
+    try:
+        with path.open("rb") as stream:
+            return stream.read(MAX_BYTES + 1)
+    except OSError as failure:
+        raise InputError(f"{path} cannot be read ({failure.strerror}).") from None
+
+
+def _write(path: Path, page: str) -> None:
+    from streamdash.store.entry import write_file
+
+    try:
+        write_file(path, page.encode())
+    except OSError as failure:
+        raise InputError(f"{path} cannot be written ({failure.strerror}).") from None

@@ -1,0 +1,145 @@
+"""``streamdash reproduce``: the paper's evidence, classifier, tables and figures from the cache."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from streamdash.cli.common import CacheOption, InputError, make_cache, messages
+
+if TYPE_CHECKING:
+    from streamdash.config import EnsembleConfig
+    from streamdash.store.cache import Cache
+
+
+def reproduce_command(
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR",
+            show_default="the folder of the figures, or reproduction",
+            help="Where the results go: tables as Markdown, CSV and JSON.",
+        ),
+    ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option(
+            "--figures", metavar="DIR", help="Also draw figures 1 to 5 and those of the appendices."
+        ),
+    ] = None,
+    choices: Annotated[
+        bool, typer.Option("--choices", help="Also measure what each choice left open by the paper does.")
+    ] = False,
+    text: Annotated[
+        Path | None,
+        typer.Option(
+            "--text", metavar="FILE.md", help="Also write where and why the numbers differ (with --choices)."
+        ),
+    ] = None,
+    classifier: Annotated[
+        bool,
+        typer.Option(
+            "--classifier/--no-classifier",
+            help="Also train the classifiers of table 2, and one on each statistic.",
+        ),
+    ] = True,
+    cache: CacheOption = None,
+) -> None:
+    """Redo the paper's model selection and its classifier; the paper's numbers stand beside."""
+    from streamdash.paper.evidence import load_sample, measure
+    from streamdash.paper.tables import table_csv, table_markdown
+
+    folder = output or figures or Path("reproduction")
+    for directory in {folder, figures or folder}:
+        make_folder(directory)
+    where = make_cache(cache)
+    sample = load_sample(where)
+    results = measure(sample)
+    if choices or text is not None:
+        from streamdash.paper.choices import measure_choices
+
+        results["choices"] = measure_choices(where, sample)
+    write(folder / "results.json", json.dumps(rounded(results), indent=1, ensure_ascii=False) + "\n")
+    write(folder / "table1.csv", table_csv(results))
+    write(folder / "table1.md", table_markdown(results))
+    print(table_markdown(results), end="")
+    if classifier:
+        from streamdash.paper.classifier import classifier_markdown, classifier_results
+
+        configs = {label: entry.config for label, entry in zip(sample.labels, sample.entries, strict=True)}
+        scores = classifier_results(where, configs)
+        write(folder / "classifier.json", json.dumps(rounded(scores), indent=1, ensure_ascii=False) + "\n")
+        write(folder / "table2.md", classifier_markdown(scores))
+        print(f"\n{classifier_markdown(scores)}", end="")
+        write_statistics(where, configs, folder)
+    if text is not None:
+        from streamdash.paper.differences import differences
+
+        write(text, differences(rounded(results)))
+    if figures is not None:
+        from streamdash.plots.paper import save_appendix_figures, save_figures
+
+        appendices, lacking = save_appendix_figures(where, sample, figures)
+        for line in (*save_figures(where, sample, figures), *appendices, *lacking):
+            messages.print(f"{line}", markup=False)
+
+
+def write_statistics(cache: Cache, configs: Mapping[str, EnsembleConfig], folder: Path) -> None:
+    """Compare what the PDF, the power spectrum and the profile keep, for the paper's sets of classes."""
+    from streamdash.classifier.data import read_streams
+    from streamdash.paper.evidence import NOISE, THREE_CLASSES, TWO_CLASSES
+    from streamdash.paper.statistics import compare_statistics, statistics_markdown, statistics_numbers
+
+    found = []
+    for labels in (TWO_CLASSES, THREE_CLASSES):
+        streams = read_streams(cache, [configs[label] for label in labels])
+        found.append(statistics_numbers(compare_statistics(streams, NOISE), labels, NOISE))
+    write(folder / "statistics.json", json.dumps(rounded(found), indent=1, ensure_ascii=False) + "\n")
+    text = "\n".join(statistics_markdown(numbers) for numbers in found)
+    write(folder / "statistics.md", text)
+    print(f"\n{text}", end="")
+
+
+def make_folder(directory: Path) -> None:
+    """Make a folder and those above it.
+
+    Raises
+    ------
+    InputError
+        In one sentence, when that is not possible.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"The folder {directory} cannot be made ({error.strerror}).") from None
+
+
+def write(path: Path, content: str) -> None:
+    """Write a text file.
+
+    Raises
+    ------
+    InputError
+        In one sentence, when that is not possible.
+    """
+    try:
+        path.write_text(content, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}).") from None
+
+
+def rounded(value: Any) -> Any:
+    """The same with numbers to six digits and NaN as null, so that files can be compared."""
+    if isinstance(value, dict):
+        return {name: rounded(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [rounded(part) for part in value]
+    if isinstance(value, float):
+        return float(f"{value:.6g}") if value == value else None
+    return value

@@ -1,0 +1,63 @@
+"""``streamdash serve``: the web app, in Panel's own server."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from itertools import chain
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from streamdash.cli.common import CacheOption, InputError, make_cache
+from streamdash.cli.deploy import Deployment, check, server_arguments, server_environment, settings_table
+from streamdash.observe.table import UploadLimit
+from streamdash.simulation.limits import Limits
+
+APP = Path(__file__).resolve().parents[2] / "app"
+
+
+def serve_command(
+    port: Annotated[
+        int | None, typer.Option("--port", "-p", min=1, max=65535, help="Port to listen on [5006].")
+    ] = None,
+    address: Annotated[
+        str | None,
+        typer.Option("--address", help="Address to listen on [localhost]; 0.0.0.0 is all of this machine's."),
+    ] = None,
+    show: Annotated[bool, typer.Option("--show/--no-show", help="Open a browser.")] = False,
+    allow_origin: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--allow-origin",
+            metavar="HOST[:PORT]",
+            help="Where browsers reach the server, when that is not the address above; may be repeated.",
+        ),
+    ] = None,
+    cache: CacheOption = None,
+    settings: Annotated[
+        bool, typer.Option("--settings", help="Print the settings, check them, and do not start.")
+    ] = False,
+) -> None:
+    """Start the dashboard; docs/deployment.md lists the environment variables that set it up."""
+    make_cache(cache)
+    if not (APP / "main.py").is_file():
+        raise InputError(f"The app is not beside the library ({APP}); serve it from a checkout.")
+    chosen = Deployment.from_environment(address=address, port=port, origins=allow_origin or None)
+    allowed = [Limits.from_environment(), UploadLimit.from_environment()]
+    if settings:
+        for name, value, meaning in chain.from_iterable(map(settings_table, [chosen, *allowed])):
+            print(f"{name:<32} {value:<20} {meaning}")
+    check(chosen, os.environ)
+    if settings:
+        return
+    environment = server_environment(chosen, os.environ)
+    if cache is not None:
+        environment["STREAMDASH_CACHE"] = str(cache.expanduser().absolute())
+    command = [sys.executable, str(APP / "launch.py"), *server_arguments(chosen, show, os.environ)]
+    if os.name == "posix":  # become the server, so that signals reach it and nothing is orphaned
+        sys.stdout.flush()
+        os.execve(sys.executable, command, environment)
+    raise typer.Exit(subprocess.call(command, env=environment))

@@ -1,0 +1,1 @@
+"""Do the simulations converge? The tests of the paper's appendix A, and more."""

@@ -1,0 +1,147 @@
+"""Streams as galpy builds them: the smooth stream, and its track and Jacobian at an impact time.
+
+Natural units: lengths in `R0_KPC`, velocities in `V0_KMS`.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from streamdash.config import StreamModel
+
+R0_KPC = 8.0
+V0_KMS = 220.0
+TRACK_CHUNKS = 11
+"""Nodes of today's track (galpy's ``nTrackChunks``), as in Bovy, Erkal & Sanders (2017)."""
+# Rotation from equatorial to GD-1 coordinates, Koposov, Rix & Hogg (2010), appendix.
+GD1_ROTATION = np.array(
+    [
+        [-0.4776303088, -0.1738432154, 0.8611897727],
+        [0.510844589, -0.8524449229, 0.111245042],
+        [0.7147776536, 0.4930681392, 0.4959603976],
+    ]
+)
+
+
+class Nodes(NamedTuple):
+    """galpy's track nodes at one impact time: angle (n,), phase space (n, 6), ∂Ω∥/∂v (n, 3)."""
+
+    theta: np.ndarray
+    xv: np.ndarray
+    jac: np.ndarray
+
+
+def time_unit_gyr() -> float:
+    """Length of one natural time unit in Gyr (0.035556)."""
+    from galpy.util import conversion
+
+    return float(conversion.time_in_Gyr(V0_KMS, R0_KPC))
+
+
+@lru_cache(maxsize=4)
+def _galpy_arguments(stream: StreamModel) -> dict:
+    """Keyword arguments that galpy's stream classes share, units natural."""
+    from galpy.actionAngle import actionAngleIsochroneApprox
+    from galpy.orbit import Orbit
+    from galpy.potential import LogarithmicHaloPotential
+
+    potential = LogarithmicHaloPotential(normalize=1.0, q=stream.potential.q)
+    return {
+        "progenitor": Orbit(list(stream.progenitor)),
+        "pot": potential,
+        "aA": actionAngleIsochroneApprox(pot=potential, b=stream.isochrone_b),
+        "leading": stream.arm == "leading",
+        "nTrackChunks": TRACK_CHUNKS,
+        "tdisrupt": stream.age_gyr / time_unit_gyr(),
+        "vo": V0_KMS,
+        "ro": R0_KPC,
+    }
+
+
+def progenitor_radius(stream: StreamModel, times_gyr: np.ndarray) -> np.ndarray:
+    """Distance of the progenitor from the Galactic centre (kpc) at times before today (Gyr, from 0 up)."""
+    arguments = _galpy_arguments(stream)
+    orbit, times = arguments["progenitor"](), -np.asarray(times_gyr) / time_unit_gyr()
+    orbit.integrate(times, arguments["pot"])
+    return R0_KPC * np.asarray(orbit.r(times, use_physical=False))
+
+
+def galpy_stream(stream: StreamModel):
+    """The smooth `galpy.df.streamdf` of `stream`."""
+    from galpy.df import streamdf
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        smooth = streamdf(stream.dispersion_kms / V0_KMS, **_galpy_arguments(stream))
+    smooth.turn_physical_off()
+    return smooth
+
+
+def galpy_gap(stream: StreamModel, time_gyr: float, **impact):
+    """The `galpy.df.streamgapdf` of `stream` with one impact at `time_gyr`.
+
+    With no further arguments only its geometry is set up; `impact` takes galpy's
+    ``impact_angle, impactb, subhalovel, GM, rs, hernquist, nKickPoints`` (natural units).
+    """
+    from galpy.df import streamgapdf
+
+    sign = 1.0 if stream.arm == "leading" else -1.0
+    if not impact:
+        impact = {"impact_angle": 0.1 * sign, "GM": 1e-6, "rs": 1e-2, "nokicksetup": True}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return streamgapdf(
+            stream.dispersion_kms / V0_KMS,
+            timpact=time_gyr / time_unit_gyr(),
+            **impact,
+            **_galpy_arguments(stream),
+        )
+
+
+def smooth_stream(stream: StreamModel) -> dict:
+    """The attributes of `streamdash.engine.geometry.Geometry` that no impact time enters, by name."""
+    from galpy.util import coords
+
+    smooth = galpy_stream(stream)
+    ell, b, dist = smooth._interpolatedObsTrackLB[:, :3].T
+    ra, dec = coords.lb_to_radec(ell, b, degree=True).T
+    phi1, phi2 = coords.radec_to_custom(ra, dec, T=GD1_ROTATION, degree=True).T
+    radec_phi1 = np.rad2deg(np.unwrap(np.deg2rad(phi1)))
+    orbit = smooth._progenitor.orbit[0]
+    middle = smooth._meandO * smooth._tdisrupt
+    return {
+        "mean_omega": float(smooth._meandO),
+        "sigma_omega": float(np.sqrt(smooth._sortedSigOEig[2])),
+        "t_disrupt": float(smooth._tdisrupt),
+        "mean_radius": float(np.mean(np.hypot(orbit[:, 0], orbit[:, 3]))),
+        "width": float(smooth.sigangledAngle(middle, simple=True, use_physical=False)),
+        "track_theta": np.asarray(smooth._interpolatedThetasTrack),
+        "track_ell": np.rad2deg(np.unwrap(np.deg2rad(ell))),
+        "track_b": np.asarray(b),
+        "track_dist": np.asarray(dist),
+        # φ1 in (-180, 180] where the stream starts, as observers quote it.
+        "track_phi1": radec_phi1 - 360.0 * np.round(radec_phi1[0] / 360.0),
+        "track_phi2": np.asarray(phi2),
+    }
+
+
+def timed_part(stream: StreamModel, k: int | None) -> tuple[int | None, Any, float]:
+    """Impact time k and its nodes, or None and the smooth stream; and the core seconds that took."""
+    start = time.process_time()
+    part = smooth_stream(stream) if k is None else impact_nodes(stream, k)
+    return k, part, time.process_time() - start
+
+
+def impact_nodes(stream: StreamModel, k: int) -> Nodes:
+    """The nodes of impact time k."""
+    gap = galpy_gap(stream, stream.impact_times_gyr[k])
+    row = gap._sigMeanSign * np.einsum(
+        "f,nfv->nv", gap._dsigomeanProgDirection, gap._gap_alljacsTrack[:, :3, :]
+    )
+    # Columns are R, vR, vT, z, vz, φ; only the velocities are kicked.
+    return Nodes(np.array(gap._gap_thetasTrack), np.array(gap._gap_ObsTrackXY), row[:, [1, 2, 4]])

@@ -1,0 +1,1 @@
+"""A measured profile: read, checked, put to the simulated classes, and reported."""

@@ -1,0 +1,316 @@
+"""A measured density profile of the stream: checked, cut to the simulated stretch, divided.
+
+`read_observation` takes the bytes of a table and, optionally, what its columns are
+(`streamdash.observe.guess.Assumptions`); what comes out has everything that simulated streams
+need to be observed in the same way (`streamdash.survey.design.Design`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from streamdash.engine.geometry import Geometry
+from streamdash.observe.checks import (
+    RADIANS,
+    check_errors,
+    check_order,
+    check_positions,
+    check_values,
+    inside_window,
+)
+from streamdash.observe.guess import KINDS, Assumptions, guess
+from streamdash.observe.table import ObservationError, Table, read_table, shown
+from streamdash.survey.design import AS_IS, FLOOR, Design, Quantity, polynomial_fit, smooth_curve, window
+
+MIN_BINS = 8
+"""Fewest bins a profile must have within the simulated stretch."""
+MAX_BINS = 400
+"""Most bins: simulated profiles are known at no more angles."""
+GAP = 1.5
+"""Neighbouring bins farther apart than this many usual spacings have a gap between them."""
+NAMES = {"ell": "Galactic longitude l", "phi1": "φ1 of GD-1"}
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """A measured profile, ready to be compared.
+
+    Attributes
+    ----------
+    assumptions : Assumptions
+        What the columns were taken to be.
+    design : Design
+        Bins and errors; all that simulated streams need to be observed alike.
+    q : ndarray (n_bin,)
+        The measured values, divided as the design says.
+    notes : tuple of str
+        What was left out or changed, one sentence each.
+    n_outside : int
+        Rows beyond the simulated stretch of the stream.
+    """
+
+    assumptions: Assumptions
+    design: Design
+    q: np.ndarray
+    notes: tuple[str, ...]
+    n_outside: int
+
+    @property
+    def stated(self) -> tuple[str, ...]:
+        """Every assumption in words, then the notes."""
+        return (*in_words(self.assumptions, self.design), *self.notes)
+
+
+def read_observation(
+    data: bytes, geometry: Geometry, assumptions: Assumptions | None = None
+) -> tuple[Table, Observation]:
+    """Read, check and interpret a table of a measured profile.
+
+    Parameters
+    ----------
+    data : the bytes of the file, see `read_table`.
+    geometry : of the stream that is simulated.
+    assumptions : what the columns are; by default what `guess` says.
+
+    Raises
+    ------
+    ObservationError
+        In one sentence: what is wrong, in which line and column, and what to do.
+    """
+    table = read_table(data)
+    return table, interpret(table, assumptions or guess(table), geometry)
+
+
+@np.errstate(over="ignore", under="ignore", invalid="ignore", divide="ignore")
+def interpret(table: Table, assumptions: Assumptions, geometry: Geometry) -> Observation:
+    """Turn a table into an observation, with stated assumptions.
+
+    Raises
+    ------
+    ObservationError
+        In one sentence: what is wrong, in which line and column, and what to do.
+    """
+    a = assumptions
+    notes: list[str] = []
+    limits = window(geometry, a.coordinate)
+    rows = _rising(table, a.position)
+    low, high = _bins(table, a, rows, limits, notes)
+    value, lines = table.column(a.value)[rows], table.lines[rows]
+    inside = inside_window(low, high, limits, a, NAMES[a.coordinate])
+    n_outside = int(np.count_nonzero(~inside))
+    if n_outside:
+        notes.append(
+            f"{n_outside} of {len(low)} rows lie outside the simulated stretch of the stream, "
+            f"{NAMES[a.coordinate]} = {limits[0]:.1f}° to {limits[1]:.1f}°, and are left out."
+        )
+    present = ~np.isnan(value)
+    n_missing = int(np.count_nonzero(inside & ~present))
+    if n_missing:
+        notes.append(f"{n_missing} rows have no value of “{shown(a.value)}” and are treated as gaps.")
+    used = inside & present
+    _check_count(int(used.sum()), n_outside)
+    rows, low, high, value, lines = rows[used], low[used], high[used], value[used], lines[used]
+    relative, error = _values_and_errors(table, a, rows, high - low, notes)
+    design, q = _design(a, low, high, relative, error)
+    return Observation(a, design, q, tuple(notes), n_outside)
+
+
+def in_words(a: Assumptions, design: Design) -> list[str]:
+    """What is assumed, one sentence for each assumption."""
+    widths = design.high - design.low
+    gaps = int(np.count_nonzero(design.low[1:] - design.high[:-1] > 1e-6))
+    bins = f"{widths.min():.3g}°" if np.ptp(widths) < 1e-6 else f"{widths.min():.3g}° to {widths.max():.3g}°"
+    how = (
+        f"from “{shown(a.position)}” to “{shown(a.upper)}”"
+        if a.upper
+        else f"centred on “{shown(a.position)}”, as wide as {'stated' if a.width else 'their spacing'}"
+    )
+    sentences = [
+        f"“{shown(a.position)}” is {NAMES[a.coordinate]} in degrees; {design.n_bin} bins of {bins}, {how}"
+        f"{f', with {gaps} gaps' if gaps > 1 else ', with one gap' if gaps else ', without gaps'}.",
+        f"“{shown(a.value)}” is {KINDS[a.kind]}"
+        f"{f', divided by the smooth profile “{shown(a.smooth)}”' if a.smooth else ''}.",
+    ]
+    if a.kind == "detrended":
+        order = f"The polynomial already divided out was of order {a.order}"
+        sentences.append(f"{order}; the simulated densities are divided by one of that order.")
+    elif a.order == AS_IS:
+        sentences.append("Nothing is divided out: the values are compared as they are, level included.")
+    elif a.order == 0:
+        sentences.append("The overall level is unknown: data and simulations are divided by their mean.")
+    else:
+        sentences.append(
+            "The smooth profile is unknown: data and simulations are divided by a polynomial of order "
+            f"{a.order} fitted to each."
+        )
+    typical = f"typically {np.median(design.sigma):.2g} of the smooth curve"
+    sentences.append(
+        {
+            "column": f"The error is “{shown(a.error or '')}”, one standard deviation: {typical}.",
+            "constant": f"The table has no error: {a.constant:g} of the smooth curve is assumed in all bins.",
+            "poisson": f"The error is Poisson’s, the square root of the counts: {typical}.",
+        }[a.error_kind]
+        if not (a.error_kind == "constant" and a.error)
+        else f"The error is taken to be {a.constant:g} of the smooth curve in every bin."
+    )
+    return sentences
+
+
+# ---------------------------------------------------------------- bins
+
+
+def _rising(table: Table, position: str) -> np.ndarray:
+    """Row numbers in rising order of the position, which must run one way."""
+    x = table.column(position)
+    check_positions(x, table.lines, position)
+    check_order(x, table.lines, position)
+    rows = np.arange(len(x))
+    return rows if len(x) < 2 or x[-1] > x[0] else rows[::-1]
+
+
+def _bins(
+    table: Table, a: Assumptions, rows: np.ndarray, limits: tuple[float, float], notes: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of the bin of each row (deg), on the turn that the simulated stretch is on."""
+    x = table.column(a.position)[rows]
+    middle = 0.5 * (limits[0] + limits[1])
+    turns = 360.0 * np.round((x.mean() - middle) / 360.0) if np.abs(x).max() > RADIANS else 0.0
+    if turns:
+        notes.append(f"{turns:+.0f}° were taken off “{shown(a.position)}”, a full turn.")
+    x = x - turns
+    if a.upper:
+        top = table.column(a.upper)[rows] - turns
+        lines = table.lines[rows]
+        check_positions(top, lines, a.upper)
+        low, high = np.minimum(x, top), np.maximum(x, top)
+        _refuse_first(low >= high, lines, a.upper, "the bin has no width; its two ends must differ")
+    else:
+        low, high = _around(x, a.width, a.position)
+    overlap = np.flatnonzero(low[1:] < high[:-1] - 1e-6 * (high - low)[:-1])
+    if len(overlap):
+        i = int(overlap[0])
+        line = table.lines[rows][i + 1]
+        raise ObservationError(
+            f"Line {line}, column “{shown(a.position)}”: the bin overlaps the one before it; give the bins' "
+            "width, or narrower ones."
+        )
+    high[:-1] = np.where(np.abs(low[1:] - high[:-1]) < 1e-6, low[1:], high[:-1])
+    return low, high
+
+
+def _around(x: np.ndarray, width: float | None, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of bins around their middles: of a given width, or half way to their neighbours."""
+    if width is not None:
+        return x - 0.5 * width, x + 0.5 * width
+    if len(x) < 2:
+        raise ObservationError(
+            f"One row is not a profile; at least {MIN_BINS} bins of “{shown(name)}” are needed."
+        )
+    steps = np.diff(x)
+    usual = float(np.median(steps))
+    half = 0.5 * np.where(steps > GAP * usual, usual, steps)
+    return x - np.concatenate([half[:1], half]), x + np.concatenate([half, half[-1:]])
+
+
+def _refuse_first(wrong: np.ndarray, lines: np.ndarray, name: str, words: str) -> None:
+    if wrong.any():
+        raise ObservationError(f"Line {lines[int(np.argmax(wrong))]}, column “{shown(name)}”: {words}.")
+
+
+def _check_count(n: int, n_outside: int) -> None:
+    if n < MIN_BINS:
+        raise ObservationError(
+            f"Only {n} bins with a value lie within the simulated stretch of the stream"
+            f"{f' ({n_outside} lie outside)' if n_outside else ''}; at least {MIN_BINS} are needed."
+        )
+    if n > MAX_BINS:
+        raise ObservationError(f"{n} bins are more than the {MAX_BINS} that are compared; average some.")
+
+
+# ---------------------------------------------------------------- values
+
+
+def _values_and_errors(
+    table: Table, a: Assumptions, rows: np.ndarray, width: np.ndarray, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """What was measured and its error, in one unit; no error where it is relative to a smooth curve."""
+    value, lines = table.column(a.value)[rows], table.lines[rows]
+    error = None
+    if a.error_kind == "column":
+        if a.error is None:
+            raise ObservationError("Name the column with the errors, or choose constant or Poisson errors.")
+        error = table.column(a.error)[rows]
+        check_errors(error, lines, a.error)
+    elif a.error_kind == "poisson":
+        if a.kind != "counts":
+            raise ObservationError(
+                f"Poisson errors need counts, and “{shown(a.value)}” is {KINDS[a.kind]}: give an error "
+                "column or a constant error."
+            )
+        error = np.sqrt(np.maximum(value, 1.0))
+    check_values(value, error, lines, a.value, a.kind, notes)
+    unit = np.ones(len(value))
+    if a.smooth is not None:
+        unit = table.column(a.smooth)[rows]
+        _refuse_first(
+            ~(np.isfinite(unit) & (unit > 0)),
+            lines,
+            a.smooth,
+            "the smooth profile must be a positive number wherever there is a value",
+        )
+    elif a.kind == "counts":
+        unit = width
+    scaled = value / unit
+    scaled_error = None if error is None else error / unit
+    if a.kind in ("density", "counts") and a.smooth is None:
+        # Any unit will do; numbers around one keep every later step exact.
+        size = np.abs(scaled).mean()
+        scaled, scaled_error = scaled / size, None if scaled_error is None else scaled_error / size
+    finite = np.isfinite(scaled).all() and (scaled_error is None or np.isfinite(scaled_error).all())
+    if not finite or np.abs(scaled).max() > 1e6:
+        raise ObservationError(
+            f"Column “{shown(a.value)}” holds values that no {KINDS[a.kind]} has; check its unit and kind."
+        )
+    return scaled, scaled_error
+
+
+def _design(
+    a: Assumptions, low: np.ndarray, high: np.ndarray, value: np.ndarray, error: np.ndarray | None
+) -> tuple[Design, np.ndarray]:
+    """The design and the divided values; errors become relative to the smooth curve."""
+    ratio = a.kind == "q_rho" or a.smooth is not None
+    if a.order == AS_IS and not ratio:
+        raise ObservationError(
+            f"“{shown(a.value)}” is {KINDS[a.kind]}, of which only the shape can be compared: choose the "
+            "order of the polynomial, 0 for the mean."
+        )
+    quantity: Quantity = "q_rho" if ratio else "density"
+    curve = np.ones(len(value))
+    if a.order != AS_IS and a.kind != "detrended":
+        if a.order + 2 > len(value) // 2:
+            raise ObservationError(
+                f"A polynomial of order {a.order} would follow {len(value)} bins too closely; choose a lower "
+                "order."
+            )
+        fit = polynomial_fit(0.5 * (low + high), a.order)
+        raw = fit @ value
+        curve = smooth_curve(value, fit)
+        if value.mean() <= 0 or np.any(raw < FLOOR * value.mean()):
+            raise ObservationError(
+                f"The polynomial of order {a.order} fitted to “{shown(a.value)}” comes close to zero or "
+                "below; choose another order."
+            )
+    sigma = np.full(len(value), a.constant) if error is None else error / curve
+    if not np.median(sigma) <= 1.0:
+        raise ObservationError(
+            f"The errors are larger than the values (typically {np.median(sigma):.3g} of the smooth curve): "
+            "nothing can be learnt from this profile; check the error's unit."
+        )
+    if sigma.max() > 100 or sigma.min() < 1e-4:
+        raise ObservationError(
+            f"The errors run from {sigma.min():.2g} to {sigma.max():.2g} of the smooth curve; leave bins "
+            "beyond 100 out, and give errors of at least 0.0001."
+        )
+    return Design(a.coordinate, low, high, sigma, quantity, a.order), value / curve

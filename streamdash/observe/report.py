@@ -1,0 +1,242 @@
+"""What is told about an observation: the same numbers and sentences for page, command, file.
+
+`report` puts everything into one plain dictionary, which is the JSON; text and HTML are made from it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from streamdash.config import mass_label, parse_mass_range
+from streamdash.naming import mass_text
+from streamdash.observe.observation import NAMES, Observation
+from streamdash.observe.resemblance import DOUBTFUL, UNLIKE
+from streamdash.observe.verdict import Prepared, Verdict
+from streamdash.statistics.evidence import jeffreys
+
+DECIDED = 0.75
+"""Below this probability of the best class the profile is said not to decide."""
+
+
+def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> dict[str, Any]:
+    """Everything about one observation: numbers, lists and text only.
+
+    Returns
+    -------
+    dict
+        ``answer`` and ``agreement`` (a sentence each), ``resemblance``, ``classes``, ``quality``,
+        ``assumptions``, ``caveats`` and ``profile``.
+    """
+    scores, likeness, evidence = verdict.judged.scores, verdict.resemblance, verdict.evidence
+    accuracy, accuracy_error = verdict.accuracy
+    classes = []
+    for c, label in enumerate(verdict.labels):
+        classes.append(
+            {
+                "mass_range": label,
+                "probability": float(verdict.probability[c]),
+                "interval": [float(verdict.low[c]), float(verdict.high[c])],
+                "interval_models": [float(verdict.models_low[c]), float(verdict.models_high[c])],
+                "interval_noise": [float(verdict.noise_low[c]), float(verdict.noise_high[c])],
+                "ln_bayes": float(evidence.ln_bayes[c]),
+                "ln_bayes_error": float(evidence.error[c]),
+            }
+        )
+    design = observation.design
+    result: dict[str, Any] = {
+        "answer": "",
+        "agreement": "",
+        "resemblance": {
+            "verdict": "unlike" if likeness.unlike else "unusual" if likeness.doubtful else "alike",
+            "p": likeness.p,
+            "p_distance": likeness.p_distance,
+            "p_pattern": likeness.p_pattern,
+            "p_structure": likeness.p_structure,
+            "n_held_out": likeness.n_streams,
+        },
+        "classes": classes,
+        "quality": {
+            "accuracy": accuracy,
+            "accuracy_error": accuracy_error,
+            "confusion": scores.counts.tolist(),
+            "precision": scores.values["precision"].tolist(),
+            "calibration_error": float(scores.values["ece"]),
+            "pdf_accuracy": evidence.accuracy,
+            "n_held_out": int(scores.counts.sum()),
+            "n_streams": [len(q) for q in prepared.streams.q],
+        },
+        "assumptions": list(observation.stated),
+        "columns": observation.assumptions.model_dump(),
+        "caveats": caveats(observation),
+        "ensembles": list(prepared.streams.keys),
+        "profile": {
+            "coordinate": design.coordinate,
+            "low_deg": design.low.tolist(),
+            "high_deg": design.high.tolist(),
+            "value": observation.q.tolist(),
+            "error": design.sigma.tolist(),
+        },
+    }
+    result["answer"], result["agreement"] = answer(result), agreement(result)
+    return result
+
+
+def answer(result: dict[str, Any]) -> str:
+    """The one sentence that may be quoted."""
+    likeness, quality = result["resemblance"], result["quality"]
+    if likeness["verdict"] == "unlike":
+        return (
+            "This profile resembles none of the compared classes: of simulated streams observed like it, "
+            f"{strange_share(likeness)} look as strange (p = {likeness['p']:.2g}), so the probabilities of "
+            "the classes should not be used."
+        )
+    best = max(result["classes"], key=lambda c: c["probability"])
+    right = (
+        f"with bins and errors like these the method is right for {percent(quality['accuracy'])} of "
+        "simulated streams"
+    )
+    others = " or ".join(name(c) for c in result["classes"] if c is not best)
+    unusual = "Though an unusual profile for any class " if likeness["verdict"] == "unusual" else ""
+    p = f"(p = {likeness['p']:.2g}), it" if unusual else "This profile"
+    if best["probability"] < DECIDED:
+        return (
+            f"{unusual}{p} does not decide between the classes: perturbers of {name(best)} have a "
+            f"probability of {percent(best['probability'])}; {right}."
+        )
+    return (
+        f"{unusual}{p} looks more like a stream perturbed by {name(best)} than by {others}: probability "
+        f"{percent(best['probability'])} ({interval(best)}); {right}."
+    )
+
+
+def agreement(result: dict[str, Any]) -> str:
+    """Whether classifier and PDF evidence prefer the same class; empty where neither counts."""
+    if result["resemblance"]["verdict"] == "unlike":
+        return ""
+    best = max(result["classes"], key=lambda c: c["probability"])
+    rival = max(result["classes"], key=lambda c: c["ln_bayes"])
+    quality = result["quality"]
+    if best is rival:
+        return f"The distribution of Qρ alone (PDF evidence) also prefers {name(best)}."
+    return (
+        f"The two methods disagree: the distribution of Qρ alone (PDF evidence) prefers {name(rival)}. It is "
+        f"right for {percent(quality['pdf_accuracy'])} of simulated streams of this quality, the classifier "
+        f"for {percent(quality['accuracy'])}."
+    )
+
+
+def name(entry: dict[str, Any]) -> str:
+    """Mass range of a class for people."""
+    return mass_text(parse_mass_range(entry["mass_range"]))
+
+
+def percent(value: float) -> str:
+    """A probability in words that do not claim more than was tested: ``93 %``, ``more than 99 %``."""
+    if value > 0.99:
+        return "more than 99 %"
+    return "less than 1 %" if value < 0.01 else f"{100 * value:.0f} %"
+
+
+def interval(entry: dict[str, Any]) -> str:
+    """The 68 % interval of a class's probability, no finer than was tested."""
+    low, high = entry["interval"]
+    if low > 0.99 or high < 0.01:
+        return f"68 % interval {percent(low)}"
+    ends = [">99" if end > 0.99 else "<1" if end < 0.01 else f"{100 * end:.0f}" for end in (low, high)]
+    return f"68 % interval {ends[0]} to {ends[1]} %"
+
+
+def strange_share(likeness: dict[str, Any]) -> str:
+    """How many true streams look as strange: ``at most about 1 in 330``."""
+    rounded = float(f"{1 / likeness['p']:.2g}")
+    return f"at most about 1 in {rounded:,.0f}"
+
+
+def resemblance_words(result: dict[str, Any]) -> str:
+    """The check against all classes, in words."""
+    likeness = result["resemblance"]
+    words = {
+        "unlike": f"The profile is unlike every class (p < {UNLIKE:g}).",
+        "unusual": f"The profile would be an unusual member of any class (p < {DOUBTFUL:g}).",
+        "alike": "The profile looks like the simulated classes.",
+    }[likeness["verdict"]]
+    share = f"{100 * likeness['p']:.{0 if likeness['p'] > 0.1 else 1}f} %"
+    return (
+        f"{words} Of {likeness['n_held_out']} streams the method never saw, {share} are as strange or "
+        f"stranger: p = {likeness['p']:.2g}, three times the smallest of {likeness['p_distance']:.2g} for "
+        f"distance from the classes, {likeness['p_pattern']:.2g} for the pattern along the stream and "
+        f"{likeness['p_structure']:.2g} for having structure at all."
+    )
+
+
+def evidence_words(entry: dict[str, Any], result: dict[str, Any]) -> str:
+    """PDF evidence against a class relative to the best one, within what the simulations can resolve."""
+    value = entry["ln_bayes"]
+    if value == 0:
+        return "preferred"
+    most = float(np.log(min(result["quality"]["n_streams"])))
+    shown = f"ln B = {value:.1f} ± {entry['ln_bayes_error']:.1f}"
+    if value < -most:
+        shown = f"ln B < −{most:.1f}, all that the simulations can resolve"
+    return f"{jeffreys(value)} against it ({shown.replace('= -', '= −')})"
+
+
+def caveats(observation: Observation) -> list[str]:
+    """What the answer does not cover, one sentence each."""
+    design = observation.design
+    outside = (
+        f" {observation.n_outside} rows of the table lie outside and were not used."
+        if observation.n_outside
+        else ""
+    )
+    unseen = (
+        ["A polynomial was divided out: perturbations as broad as its waves are lost, in simulations too."]
+        if design.order > 0
+        else []
+    )
+    return [
+        f"The answer is about {NAMES[design.coordinate]} from {design.low[0]:.1f}° to "
+        f"{design.high[-1]:.1f}° only.{outside}",
+        "The model is a GD-1-like stream, not GD-1: a smooth potential, a progenitor at one end, one age; "
+        "the measured stream has a history of its own.",
+        "Only dark perturbers of the compared mass ranges at the rates simulated are considered; molecular "
+        "clouds, spiral arms, the bar and globular clusters also make gaps and are not modelled.",
+        "All classes are taken to be equally likely beforehand; mixtures of them are not considered.",
+        "Errors are taken to be Gaussian, one standard deviation, and independent from bin to bin.",
+        *unseen,
+    ]
+
+
+def text(result: dict[str, Any]) -> str:
+    """The report as plain text for a terminal."""
+    width = max(len(c["mass_range"]) for c in result["classes"])
+    set_aside = result["resemblance"]["verdict"] == "unlike"
+    lines = [result["answer"], result["agreement"], "", resemblance_words(result), ""]
+    lines.append("Probability of each class" + (" (not to be used: see above)" if set_aside else ""))
+    for c in result["classes"]:
+        lines.append(
+            f"  {c['mass_range']:{width}}  {percent(c['probability']):>14}  ({interval(c)}); PDF evidence: "
+            f"{evidence_words(c, result)}"
+        )
+    quality = result["quality"]
+    lines += ["", f"Simulated streams observed like this one ({quality['n_held_out']} held out), in counts"]
+    labels = [c["mass_range"] for c in result["classes"]]
+    lines.append("  " + " " * (width + 6) + "".join(f"{label:>12}" for label in labels) + "  (taken for)")
+    for label, row in zip(labels, quality["confusion"], strict=True):
+        lines.append(f"  true {label:{width}} " + "".join(f"{n:12d}" for n in row))
+    lines.append(
+        f"  right: {100 * quality['accuracy']:.1f} ± {100 * quality['accuracy_error']:.1f} %; calibration "
+        f"error {quality['calibration_error']:.3f}; PDF evidence alone: "
+        f"{100 * quality['pdf_accuracy']:.1f} % right"
+    )
+    for title, sentences in (("Assumed", result["assumptions"]), ("Mind", result["caveats"])):
+        lines += ["", title, *(f"  - {sentence}" for sentence in sentences)]
+    return "\n".join(lines)
+
+
+def truth_words(known: dict[str, Any]) -> str:
+    """What a mock observation really is."""
+    mass = mass_text(parse_mass_range(mass_label(parse_mass_range(str(known["mass_range"])))))
+    return f"The truth: a simulated stream hit by {int(known['n_impacts'])} perturbers of {mass}."

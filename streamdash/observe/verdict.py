@@ -1,0 +1,290 @@
+"""What a measured profile says about its perturbers, from models made for its own quality.
+
+`prepare` puts every simulated stream through the observation's bins, gaps, errors and division,
+trains on some of them and judges itself on the others; `judge` then answers for the observation. All
+that is said about reliability is measured on streams observed in the same way and never trained on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from streamdash.classifier.data import (
+    Cancelled,
+    ClassifierError,
+    LabelledStreams,
+    Split,
+    augmented,
+    split,
+)
+from streamdash.classifier.model import BEST, Classifier, ClassifierConfig
+from streamdash.classifier.train import Judged, Progress, ShouldStop, boost, train
+from streamdash.config import EnsembleConfig
+from streamdash.engine.geometry import Geometry
+from streamdash.observe.evidence import PdfEvidence, PdfJudge, learn_pdfs
+from streamdash.observe.observation import Observation
+from streamdash.observe.replicas import Replicas, learn_replicas
+from streamdash.observe.resemblance import Likeness, Resemblance, learn_likeness
+from streamdash.simulation.geometry import load_geometry
+from streamdash.statistics.features import FeatureMap
+from streamdash.statistics.scores import evaluate
+from streamdash.store.cache import Cache
+from streamdash.survey.bands import noise_draws
+from streamdash.survey.design import Design, divided, observe_as, smooth_as
+
+N_MODELS = 8
+"""Models trained on resampled streams; their spread is part of the uncertainty."""
+N_DRAWS = 50
+"""Times the stream behind the profile is observed anew; the spread is the other part."""
+BAND = (0.16, 0.84)
+"""Ends of the interval that is quoted for a probability (68 %)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Everything that is learnt for one design: how streams of each class look when so observed.
+
+    Attributes
+    ----------
+    design : Design
+    streams : LabelledStreams
+        Every simulated stream in the design's bins; not divided, no noise.
+    smooth : ndarray (n_bin,)
+        The unperturbed stream, divided as the design says.
+    models : tuple of Classifier
+        A committee: one trained on all streams but the held-out ones, `N_MODELS` on resampled ones.
+        Its answer is the mean of theirs.
+    judged : Judged
+        What the committee says about held-out streams (with its first member).
+    likeness : Likeness
+    pdfs : PdfJudge
+    replicas : Replicas
+    """
+
+    design: Design
+    streams: LabelledStreams
+    smooth: np.ndarray
+    models: tuple[Classifier, ...]
+    judged: Judged
+    likeness: Likeness
+    pdfs: PdfJudge
+    replicas: Replicas
+
+    def answers(self, q: np.ndarray) -> np.ndarray:
+        """Every member's probabilities of profiles (…, n_bin): (n_models, …, n_classes)."""
+        return np.stack([model.predict_proba(q) for model in self.models])
+
+    def bands(self) -> np.ndarray:
+        """16 %, 50 % and 84 % quantiles of each class's streams as observed (n_classes, 3, n_bin)."""
+        q = self.streams.observed(self.design.sigma)
+        classes = range(len(self.streams.labels))
+        return np.stack(
+            [np.quantile(q[self.streams.y == c], (BAND[0], 0.5, BAND[1]), axis=0) for c in classes]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What is said about one observation.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        Mass range of each class.
+    probability : ndarray (n_classes,)
+        Calibrated; classes are taken to be equally likely beforehand.
+    low, high : ndarray (n_classes,)
+        68 % of the members' answers to the same stream observed again and again.
+    models_low, models_high, noise_low, noise_high : ndarray (n_classes,)
+        The same over members alone (profile as measured), and over noise alone (mean of members).
+    resemblance : Resemblance
+    evidence : PdfEvidence
+    judged : Judged
+        Held-out streams at this observation's quality.
+    """
+
+    labels: tuple[str, ...]
+    probability: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    models_low: np.ndarray
+    models_high: np.ndarray
+    noise_low: np.ndarray
+    noise_high: np.ndarray
+    resemblance: Resemblance
+    evidence: PdfEvidence
+    judged: Judged
+
+    @property
+    def best(self) -> int:
+        """The most probable class."""
+        return int(self.probability.argmax())
+
+    @property
+    def accuracy(self) -> tuple[float, float]:
+        """Share of held-out streams put right at this quality, and its error."""
+        scores = self.judged.scores
+        return float(scores.values["overall_accuracy"]), float(scores.errors["overall_accuracy"])
+
+
+def prepare(
+    cache: Cache,
+    ensembles: Sequence[str | EnsembleConfig],
+    design: Design,
+    progress: Progress | None = None,
+    should_stop: ShouldStop | None = None,
+    settings: ClassifierConfig = BEST,
+) -> Prepared:
+    """Observe ensembles as a profile was observed, and learn to tell them apart.
+
+    Parameters
+    ----------
+    cache : Cache
+    ensembles : sequence of str or EnsembleConfig
+        Keys or configurations of 2 to 4 complete ensembles of one stream, lowest masses first.
+    design : Design
+        `Observation.design`.
+    progress : callable (done, total), optional
+    should_stop : callable, optional
+
+    Raises
+    ------
+    StoreError
+        When an ensemble is missing or damaged.
+    ClassifierError
+        When they do not make classes of one problem.
+    Cancelled
+        When ``should_stop`` said so.
+    """
+    configs = [e if isinstance(e, EnsembleConfig) else cache.find(e).config for e in ensembles]
+    if len({config.stream.key for config in configs}) > 1:
+        raise ClassifierError("All mass ranges must be simulated for the same stream.")
+    geometry = load_geometry(configs[0].stream, cache)
+    streams, smooth = observed_streams(cache, configs, geometry, design)
+    return learn(streams, smooth, design, progress, should_stop, settings)
+
+
+def observed_streams(
+    cache: Cache, configs: Sequence[EnsembleConfig], geometry: Geometry, design: Design
+) -> tuple[LabelledStreams, np.ndarray]:
+    """Every stream of some ensembles in the design's bins, and the unperturbed stream."""
+    datasets = [cache.open_ensemble(config) for config in configs]
+    q = [observe_as(geometry, dataset, design) for dataset in datasets]
+    smooth = smooth_as(geometry, datasets[0], design)
+    # One scale for all: the density's unit means nothing.
+    scale = np.float32(smooth.mean())
+    streams = LabelledStreams(
+        tuple(x / scale for x in q),
+        tuple(noise_draws(config, x.shape) for config, x in zip(configs, q, strict=True)),
+        tuple(config.perturbers.label for config in configs),
+        tuple(config.key for config in configs),
+        design.centers,
+        tuple(dataset["n_impacts"].to_numpy() for dataset in datasets),
+        design.fit,
+    )
+    return streams, smooth / scale
+
+
+def learn(
+    streams: LabelledStreams,
+    smooth: np.ndarray,
+    design: Design,
+    progress: Progress | None = None,
+    should_stop: ShouldStop | None = None,
+    settings: ClassifierConfig = BEST,
+) -> Prepared:
+    """`prepare` for streams that are observed already."""
+    steps = _Steps(progress, should_stop, 4 + N_MODELS)
+    sets = split(streams.y, settings.seed)
+    known = np.concatenate([sets.train, sets.validation])
+    judged = train(streams, design.sigma, settings, steps.within(4), should_stop, sets=sets)
+    models = [judged.classifier]
+    for number in range(N_MODELS):
+        steps.done(4 + number)
+        models.append(_resampled(judged, streams, design, sets, number))
+    steps.done(3 + N_MODELS)
+    likeness = learn_likeness(streams, design.sigma, smooth, known, sets.test, settings.seed)
+    pdfs = learn_pdfs(streams.observed(design.sigma), streams.y, design.sigma, known, sets.test)
+    steps.done(4 + N_MODELS)
+    replicas = learn_replicas(divided(streams.clean[known], design.fit), streams.y[known], design.sigma)
+    committee = _committee(judged, models, streams.observed(design.sigma)[sets.test])
+    return Prepared(
+        design, streams, divided(smooth, design.fit), tuple(models), committee, likeness, pdfs, replicas
+    )
+
+
+def judge(prepared: Prepared, observation: Observation) -> Verdict:
+    """Say what an observation is, with models made for its design.
+
+    Raises
+    ------
+    ClassifierError
+        When the models were made for another design.
+    """
+    design = observation.design
+    if design.key != prepared.design.key:
+        raise ClassifierError("The models were made for other bins or errors than this observation's.")
+    q = observation.q.astype(np.float32)
+    as_measured = prepared.answers(q)
+    answer = as_measured.mean(axis=0)
+    within_errors = prepared.answers(prepared.replicas(q, answer, N_DRAWS))
+    return Verdict(
+        prepared.streams.labels,
+        answer,
+        *_band(within_errors.reshape(-1, len(answer)), answer),
+        *_band(as_measured, answer),
+        *_band(within_errors.mean(axis=0), answer),
+        resemblance=prepared.likeness(q[None])[0],
+        evidence=prepared.pdfs(q),
+        judged=prepared.judged,
+    )
+
+
+def _band(samples: np.ndarray, answer: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of the quoted interval; the answer itself is always inside."""
+    low, high = np.quantile(samples, BAND, axis=0)
+    return np.minimum(low, answer), np.maximum(high, answer)
+
+
+def _committee(judged: Judged, models: Sequence[Classifier], held_out: np.ndarray) -> Judged:
+    """What the mean of several models says about the held-out streams (n_test, n_bin), and its scores."""
+    probability = np.mean([model.predict_proba(held_out) for model in models], axis=0)
+    scores = evaluate(judged.y, probability, seed=judged.classifier.card.settings.seed)
+    return replace(judged, probability=probability, scores=scores)
+
+
+def _resampled(
+    judged: Judged, streams: LabelledStreams, design: Design, sets: Split, number: int
+) -> Classifier:
+    """The classifier trained once more, on streams drawn with replacement."""
+    card = judged.classifier.card
+    settings = card.settings.model_copy(update={"seed": card.settings.seed + 1 + number})
+    rng = np.random.default_rng([settings.seed, 8])
+    known = np.concatenate([sets.train, sets.validation])
+    parts = [known[streams.y[known] == c] for c in range(len(streams.labels))]
+    rows = np.concatenate([rng.choice(part, len(part)) for part in parts])
+    q, y = augmented(streams, rows, design.sigma, settings.copies, (settings.seed, 9))
+    features = FeatureMap.fit(q, settings.features)
+    return Classifier(card, features, boost(features(q), y, settings, card.n_trees))
+
+
+class _Steps:
+    """Progress in hundredths over a few long steps, and a look at whether to go on between them."""
+
+    def __init__(self, progress: Progress | None, should_stop: ShouldStop | None, total: int) -> None:
+        self.progress, self.should_stop, self.total = progress, should_stop, total
+
+    def done(self, steps: float) -> None:
+        """So many steps are done."""
+        if self.should_stop is not None and self.should_stop():
+            raise Cancelled
+        if self.progress is not None:
+            self.progress(math.floor(100 * steps / self.total), 100)
+
+    def within(self, steps: int) -> Progress:
+        """Progress inside the first steps."""
+        return lambda done, total: self.done(steps * done / max(total, 1))

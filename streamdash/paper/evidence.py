@@ -1,0 +1,218 @@
+"""The paper's Bayesian model selection from the cache: every number of it, beside the paper's.
+
+`measure` returns one plain dictionary, written as ``results.json`` by ``streamdash reproduce``;
+tables and text (`streamdash.paper.tables`) are rendered from it alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from streamdash.config import Perturbers, StreamModel, parse_mass_range
+from streamdash.engine.geometry import Geometry
+from streamdash.engine.impacts import expected_impacts
+from streamdash.statistics.cumulative import N_RESAMPLES, cumulative_tables, paper_value
+from streamdash.statistics.evidence import Rules, measure_evidence, measured_width
+from streamdash.statistics.evidence_growth import growth
+from streamdash.statistics.pdf import measure_pdfs
+from streamdash.store.cache import Cache, Entry, StoreError
+from streamdash.survey import sky
+from streamdash.survey.bands import noise_draws
+
+TWO_CLASSES = ("1e3-1e5", "1e5-1e9")
+THREE_CLASSES = ("1e3-1e5", "1e5-1e7", "1e7-1e9")
+NOISE = 0.1
+"""σ_ε per longitude bin (paper section 2)."""
+PAPER = {
+    "expected_impacts": {"1e3-1e5": 839, "1e5-1e9": 62},
+    "largest_ln_bayes_fiducial_0": [2.5, 4.0],
+    "low_mass_pdf": {"mean": 1.0, "width": 0.1},
+    "largest_density_ratio": {"1e3-1e5": "about 10 % off", "1e5-1e9": "up to a factor of about 4"},
+    "n_longitudes": 300,
+}
+"""What else the paper states in numbers (sections 2, 3.1.1 and 4.1)."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Simulated streams as a telescope sees them, before noise.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        Mass ranges, lowest first.
+    entries : tuple of Entry
+        Cache entries they come from.
+    geometry : Geometry
+    edges : ndarray
+        Edges of the longitude bins in degrees.
+    q : tuple of ndarray (n_streams, n_longitudes)
+        Qρ of each model, without noise.
+    draws : tuple of ndarray (n_streams, n_longitudes)
+        Standard-normal draws that noise is made of.
+    """
+
+    labels: tuple[str, ...]
+    entries: tuple[Entry, ...]
+    geometry: Geometry
+    edges: np.ndarray
+    q: tuple[np.ndarray, ...]
+    draws: tuple[np.ndarray, ...]
+
+    def noisy(self, noise: float) -> list[np.ndarray]:
+        """Qρ of each model with shot noise σ_ε added."""
+        return [sky.add_noise(q, d, noise) for q, d in zip(self.q, self.draws, strict=True)]
+
+    def only(self, labels: Sequence[str]) -> Sample:
+        """The same with some of the models."""
+        places = [self.labels.index(label) for label in labels]
+
+        def picked(items: tuple) -> tuple:
+            return tuple(items[p] for p in places)
+
+        return Sample(
+            tuple(labels), picked(self.entries), self.geometry, self.edges, picked(self.q), picked(self.draws)
+        )
+
+
+def find_entries(cache: Cache, labels: Sequence[str], stream: StreamModel | None = None) -> tuple[Entry, ...]:
+    """The largest complete ensemble of each mass range, all else as by default.
+
+    Raises
+    ------
+    StoreError
+        When there is none of a mass range; names the command that makes one.
+    """
+    stream = stream or StreamModel()
+    complete = [e for e in cache.entries() if e.kind == "ensemble" and e.state == "complete"]
+    found = []
+    for label in labels:
+        wanted = Perturbers(mass_range=parse_mass_range(label))
+        fits = [e for e in complete if e.config.perturbers == wanted and e.config.stream == stream]
+        if not fits:
+            raise StoreError(
+                f"The cache has no complete ensemble of {label} M☉; "
+                f"run `streamdash simulate --mass {label}` first."
+            )
+        found.append(max(fits, key=lambda entry: entry.config.n_streams))
+    return tuple(found)
+
+
+def load_sample(cache: Cache, labels: Sequence[str] = (*TWO_CLASSES, *THREE_CLASSES[1:])) -> Sample:
+    """Qρ per 0.2° bin of the shipped ensembles, with their noise draws.
+
+    Raises
+    ------
+    StoreError
+        When an ensemble or the geometry is missing.
+    """
+    entries = find_entries(cache, labels)
+    stream = entries[0].config.stream
+    stored = cache.open_geometry(stream)
+    if stored is None:
+        raise StoreError("The cache has no geometry of this stream; run `streamdash simulate` first.")
+    geometry = Geometry.from_dataset(stored, stream)
+    edges = sky.longitude_bins(geometry)
+    q = tuple(sky.q_rho(geometry, cache.open_ensemble(entry.key), edges) for entry in entries)
+    draws = tuple(noise_draws(entry.config, part.shape) for entry, part in zip(entries, q, strict=True))
+    return Sample(tuple(labels), entries, geometry, edges, q, draws)
+
+
+def measure(sample: Sample, noise: float = NOISE, n_resamples: int = N_RESAMPLES) -> dict[str, Any]:
+    """Everything the text and the tables say, as plain numbers.
+
+    Parameters
+    ----------
+    sample : Sample
+        With the paper's two and three classes.
+    noise : float
+        σ_ε.
+    n_resamples : int
+        Resamplings for the sampling errors.
+    """
+    low, high = TWO_CLASSES
+    return {
+        "noise": noise,
+        "n_longitudes": sample.q[0].shape[1],
+        "longitudes_deg": [float(sample.edges[0]), float(sample.edges[-1])],
+        "rules": {"n_sigma": Rules.n_sigma, "min_streams": Rules.min_streams},
+        "y_bins": [min(Rules.y_bins), max(Rules.y_bins), len(Rules.y_bins)],
+        "ensembles": [_ensemble_facts(sample, place) for place in range(len(sample.labels))],
+        "two_classes": compare(sample.only((low, high)), noise, n_resamples),
+        "three_classes": compare(sample.only(THREE_CLASSES), noise, n_resamples),
+        "paper": PAPER,
+    }
+
+
+def compare(sample: Sample, noise: float, n_resamples: int) -> dict[str, Any]:
+    """Table 1 for these classes: every ordered pair and the paper's numbers of bins."""
+    tables = cumulative_tables(sample.noisy(noise), noise, n_resamples)
+    if sample.labels == TWO_CLASSES:
+        for table in tables:
+            for row in table["pairs"]:
+                row["paper"] = paper_value(row["i"], row["j"], table["n_bin"])
+    return {
+        "labels": list(sample.labels),
+        "tables": tables,
+        "growth": _growth_facts(sample, noise),
+        "pdf": _pdf_facts(sample, noise),
+    }
+
+
+def _pdf_facts(sample: Sample, noise: float, n_bin: int = 20) -> list[dict[str, Any]]:
+    """Per class, the median PDF(Qρ): where it peaks, how high, and how wide it is."""
+    pdfs = measure_pdfs(sample.noisy(noise), n_bin)
+    facts = []
+    for model, label in enumerate(sample.labels):
+        median = pdfs.band(model).median
+        peak = int(np.argmax(median))
+        high = pdfs.centers[median >= 0.5 * median[peak]]
+        facts.append(
+            {
+                "label": label,
+                "peak_q_rho": float(pdfs.centers[peak]),
+                "peak": float(median[peak]),
+                "half_height_from": float(high.min()),
+                "half_height_to": float(high.max()),
+            }
+        )
+    return facts
+
+
+def _growth_facts(sample: Sample, noise: float, n_bin: int = 20) -> dict[str, Any]:
+    """Σ ln B from ever more streams, for the first pair of models in both directions."""
+    pdfs = measure_pdfs(sample.noisy(noise), n_bin)
+    evidence = measure_evidence(pdfs, noise)
+    curves = []
+    for i, j in ((0, 1), (1, 0)):
+        curve = growth(pdfs, evidence, i, j)
+        curves.append(
+            {
+                "i": i,
+                "j": j,
+                "n_streams": curve.n_streams.tolist(),
+                "mean": curve.mean.tolist(),
+                "bins_in_sum": curve.n_kept.tolist(),
+                "scatter": [None if np.isnan(s) else float(s) for s in curve.scatter],
+            }
+        )
+    return {"n_bin": n_bin, "curves": curves}
+
+
+def _ensemble_facts(sample: Sample, place: int) -> dict[str, Any]:
+    entry, q = sample.entries[place], sample.q[place]
+    low, middle, high = np.quantile(q, (0.1587, 0.5, 0.8413))
+    return {
+        "label": sample.labels[place],
+        "key": entry.key,
+        "n_streams": len(q),
+        "expected_impacts": float(expected_impacts(sample.geometry, entry.config.perturbers)),
+        "q_rho_quantiles": [float(low), float(middle), float(high)],
+        "q_rho_extremes": [float(q.min()), float(q.max())],
+        "width_without_noise": measured_width(q),
+        "width_with_noise": measured_width(sky.add_noise(q, sample.draws[place], NOISE)),
+    }

@@ -1,0 +1,71 @@
+"""Before an ensemble is computed: a few of its streams, and what all of it will take."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from streamdash.config import EnsembleConfig
+from streamdash.engine.geometry import Geometry, smooth_geometry
+from streamdash.engine.impacts import expected_impacts
+from streamdash.simulation.ensemble import background, compute_stream
+
+PREVIEW_S = 1.0
+"""After this long no further stream of a preview is begun."""
+IMPACTS_MAX = 20_000
+"""Most impacts expected per stream of which a preview is made: a stream takes about a second then."""
+
+
+@dataclass(frozen=True)
+class Preview:
+    """The first streams of an ensemble.
+
+    Attributes
+    ----------
+    impacts_per_stream : expected number.
+    seconds_per_stream : of one core, measured; NaN when no stream was computed.
+    streams : Dataset as of `streamdash.store.cache.Cache.open_ensemble`; None without a geometry or with
+        too many impacts.
+    """
+
+    impacts_per_stream: float
+    seconds_per_stream: float
+    streams: xr.Dataset | None
+
+
+def preview(config: EnsembleConfig, geometry: Geometry, n_streams: int) -> Preview:
+    """The first streams of an ensemble, at most `n_streams` and for about `PREVIEW_S`.
+
+    They are the very streams that the ensemble will begin with.
+    """
+    impacts = expected_impacts(geometry, config.perturbers)
+    if impacts > IMPACTS_MAX:
+        return Preview(impacts, float("nan"), None)
+    compute_stream(geometry, config, 0)  # compiles what is not compiled yet
+    start = time.perf_counter()
+    streams: list[tuple[np.ndarray, np.ndarray, int]] = []
+    while len(streams) < min(n_streams, config.n_streams) and time.perf_counter() - start < PREVIEW_S:
+        streams.append(compute_stream(geometry, config, len(streams)))
+    seconds = (time.perf_counter() - start) / len(streams)
+    density, omega, n_impacts = (np.array(part) for part in zip(*streams, strict=True))
+    dataset = background(geometry, config).assign(
+        density=(("stream", "theta"), density),
+        omega=(("stream", "theta"), omega),
+        n_impacts=("stream", n_impacts),
+        stream=np.arange(len(streams)),
+    )
+    return Preview(impacts, seconds, dataset)
+
+
+def expectation(config: EnsembleConfig) -> float:
+    """Expected impacts per stream where the geometry is not there yet; builds the smooth stream (seconds).
+
+    Raises
+    ------
+    ValueError
+        When galpy cannot build a stream from this model.
+    """
+    return expected_impacts(smooth_geometry(config.stream), config.perturbers)

@@ -1,0 +1,1 @@
+"""The statistics of observed streams: PDF, evidence, spectra, features, scores. Arrays only."""

@@ -1,0 +1,277 @@
+"""An entry of the cache as one file, to be carried elsewhere; and such a file, from anybody, as an entry.
+
+The file is a ZIP archive without compression that holds config.json, manifest.json and the files that
+the manifest lists. A file from elsewhere is not trusted: nothing is unpacked to names it chooses,
+nothing larger than announced is read, and nothing is stored that has not been decoded and compared
+with what its configuration says it must be.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numcodecs
+import numpy as np
+import xarray as xr
+from numcodecs import blosc
+
+from streamdash.config import Config, ConfigError, EnsembleConfig
+from streamdash.store.cache import Cache
+from streamdash.store.codec import CHUNK, decode, encode_ensemble_header
+from streamdash.store.entry import (
+    CONFIGS,
+    DATA,
+    FORMATS,
+    Entry,
+    Manifest,
+    StoreError,
+    check_chunks,
+    create,
+    explained,
+    inspect,
+    problems_of,
+    read_manifest,
+    set_aside,
+    sha256,
+)
+from streamdash.store.titles import label_of
+
+LIMIT = 1_000_000_000
+"""Largest file that is imported by default, in bytes."""
+DIRECTORY_BYTES = 10_000_000
+"""Largest table of contents of an archive that is read; an ensemble of a million streams needs 7 MB."""
+MODEL_BYTES, METADATA_BYTES = 50_000_000, 1_000_000
+"""Largest manifest.json or config.json, and largest zarr.json, accepted."""
+VALUES_MAX = 20_000_000
+"""Most numbers in all arrays of a geometry or of spectra that are imported."""
+
+
+def export_entry(cache: Cache, name: str, target: Path) -> Entry:
+    """Write an intact entry as one file; `target` appears whole or not at all.
+
+    Raises
+    ------
+    StoreError
+        When there is no such entry, it is not intact, or the file cannot be written or exists.
+    """
+    entry = cache.find(name)
+    kind = entry.path.parent.name
+    if problems := problems_of(entry.path, kind):
+        raise StoreError(f"{entry.path.name} cannot be exported: {problems[0]}.")
+    if target.exists():
+        raise StoreError(f"{target} exists already; choose another name or delete it.")
+    manifest, _ = read_manifest(entry.path, kind)
+    names = ["config.json", "manifest.json", *(f"{DATA}/{file}" for file in manifest.listed())]
+    try:
+        handle, aside = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+        try:
+            with os.fdopen(handle, "wb") as file, zipfile.ZipFile(file, "w") as archive:
+                for inside in names:
+                    # A fixed date, so that the same entry is always the same file.
+                    archive.writestr(zipfile.ZipInfo(inside), (entry.path / inside).read_bytes())
+            os.replace(aside, target)
+        except BaseException:
+            Path(aside).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise StoreError(f"{target} cannot be written ({error.strerror or error}).") from error
+    return entry
+
+
+def import_entry(cache: Cache, source: Path, limit: int = LIMIT) -> Entry:
+    """Take the entry that a file holds into the cache.
+
+    Parameters
+    ----------
+    limit : largest file accepted, in bytes.
+
+    Raises
+    ------
+    StoreError
+        When the file is not an entry, is damaged or does not keep to the rules, with the reason;
+        when an intact entry of that key is there already; when the cache cannot be written to.
+    """
+    try:
+        manifest, config, files = _read(source, limit)
+        kind = next(kind for kind, name in FORMATS.items() if name == manifest.format)
+        _check_content(config, manifest, files)
+    except (OSError, zipfile.BadZipFile, NotImplementedError) as error:
+        raise StoreError(f"{source} cannot be read as an exported entry ({error}).") from None
+    except (StoreError, ConfigError) as error:
+        raise StoreError(f"{source} is refused: {str(error).rstrip('.')}.") from None
+    cache.check_writable()
+    root = cache.writable
+    assert root is not None
+    path = root / kind / f"{label_of(config)}-{config.key}"
+    with cache.writing(config.key), explained(root):
+        if path.exists():
+            if not problems_of(path, kind) and not _adds(path, manifest):
+                raise StoreError(f"{path.name} is in the cache already.")
+            set_aside(path)
+        create(path, config, manifest.model_copy(update={"label": label_of(config)}), files)
+    return inspect(path, kind, shipped=False)
+
+
+def _adds(path: Path, manifest: Manifest) -> bool:
+    """Whether a manifest lists chunks that the entry at `path` does not have."""
+    there, _ = read_manifest(path, path.parent.name)
+    return there.header == manifest.header and set(there.chunks) < set(manifest.chunks)
+
+
+# ---------------------------------------------------------------- reading
+
+
+def _read(source: Path, limit: int) -> tuple[Manifest, Any, dict[str, bytes]]:
+    """Manifest, configuration and data files of an archive, names, sizes and checksums compared."""
+    size = source.stat().st_size
+    if size > limit:
+        raise StoreError(f"it has {size / 1e6:.0f} MB, more than the {limit / 1e6:.0f} MB allowed")
+    _check_directory(source)
+    with zipfile.ZipFile(source) as archive:
+        infos = {info.filename: info for info in archive.infolist()}
+        if len(infos) != len(archive.infolist()):
+            raise StoreError("it holds a name twice")
+        for info in infos.values():
+            stored = info.compress_type == zipfile.ZIP_STORED and info.file_size == info.compress_size
+            if not stored or info.flag_bits & 1:
+                raise StoreError(f"{_shown(info.filename)} is compressed or encrypted, which exports are not")
+        if sum(info.file_size for info in infos.values()) > limit:
+            raise StoreError("its contents are larger than the file itself may be")
+
+        def read(name: str, most: int) -> bytes:
+            info = infos.pop(name, None)
+            if info is None:
+                raise StoreError(f"{name} is missing")
+            if info.file_size > most:
+                raise StoreError(f"{name} is too large")
+            return archive.read(info)
+
+        manifest = Manifest.parse(read("manifest.json", MODEL_BYTES))
+        kinds = [kind for kind, name in FORMATS.items() if name == manifest.format]
+        if not kinds:
+            raise StoreError(
+                f"its format is {_shown(manifest.format)}, not one of {', '.join(FORMATS.values())}"
+            )
+        config: Config = CONFIGS[kinds[0]].parse(read("config.json", MODEL_BYTES))
+        if config.key != manifest.config_key:
+            raise StoreError(f"config.json hashes to {config.key}, manifest.json says another key")
+        if isinstance(config, EnsembleConfig):
+            check_chunks(manifest, config)
+        files = {}
+        for name, checksum in manifest.listed().items():
+            files[name] = read(f"{DATA}/{name}", METADATA_BYTES if name.endswith("zarr.json") else limit)
+            if sha256(files[name]) != checksum:
+                raise StoreError(f"{DATA}/{name} does not match its checksum")
+    if infos:
+        raise StoreError(f"it holds {_shown(min(infos))}, which its manifest.json does not list")
+    return manifest, config, files
+
+
+def _check_directory(source: Path) -> None:
+    """Refuse archives whose table of contents alone would exhaust the memory.
+
+    It must end the file as in our exports: no comment, no ZIP64 extension.
+    """
+    with open(source, "rb") as file:
+        file.seek(max(source.stat().st_size - 42, 0))
+        tail = file.read()
+    locator, end = tail[:-22], tail[-22:]
+    plain = len(end) == 22 and end.startswith(b"PK\5\6") and not locator.startswith(b"PK\6\7")
+    if not plain or int.from_bytes(end[12:16], "little") > DIRECTORY_BYTES:
+        raise StoreError("it is not a ZIP archive as `streamdash cache export` writes it")
+
+
+def _shown(text: str) -> str:
+    return repr(text[:60])
+
+
+# ---------------------------------------------------------------- believing
+
+
+def _check_content(config: Any, manifest: Manifest, files: Mapping[str, bytes]) -> None:
+    """Decode everything, within known sizes, and compare it with what the configuration says."""
+    try:
+        if isinstance(config, EnsembleConfig):
+            _check_ensemble(config, manifest, files)
+        else:
+            _check_arrays(files)
+    except StoreError:
+        raise
+    except (ValueError, TypeError, KeyError, RuntimeError, OverflowError, MemoryError) as error:
+        raise StoreError(f"its data cannot be decoded ({type(error).__name__})") from None
+
+
+def _check_ensemble(config: EnsembleConfig, manifest: Manifest, files: Mapping[str, bytes]) -> None:
+    theta = np.linspace(config.theta_min, config.theta_max, config.n_theta)
+    nothing = xr.Dataset(dict.fromkeys(("smooth", "omega_smooth"), ("theta", 0 * theta)), {"theta": theta})
+    ours = encode_ensemble_header(config, nothing)
+    if set(manifest.header) != set(ours):
+        raise StoreError("its manifest.json lists other files than an ensemble has")
+    for name, data in ours.items():
+        if name.endswith("zarr.json") and json.loads(files[name]) != json.loads(data):
+            raise StoreError(f"{DATA}/{name} is not that of an ensemble of this configuration")
+    for name, data in files.items():
+        if name.startswith(("density/c", "omega/c")):
+            _unpacked_blosc(data, 4 * CHUNK * config.n_theta)
+        elif name.startswith("n_impacts/c"):
+            _unpacked_blosc(data, 4 * CHUNK)
+        elif not name.endswith("zarr.json"):
+            _unpacked_zstd(data, 8 * config.n_theta)
+    done = [i * CHUNK + j for i in sorted(manifest.chunks) for j in range(CHUNK)]
+    dataset = decode(files, [i for i in done if i < config.n_streams])
+    density = dataset["density"].values
+    sound = (
+        np.array_equal(dataset["theta"], theta)
+        and all(np.isfinite(dataset[name]).all() for name in ("smooth", "omega_smooth", "density"))
+        and np.isfinite(dataset["omega"].values[density > 0]).all()
+        and (density >= 0).all()
+    )
+    if not sound:
+        raise StoreError("its profiles are not finite, or not on the angles of its configuration")
+
+
+def _check_arrays(files: Mapping[str, bytes]) -> None:
+    """Arrays of plain numbers, each in one Blosc chunk of the size that its metadata announce."""
+    announced = 0
+    for name, data in files.items():
+        if not name.endswith("zarr.json"):
+            continue
+        about = json.loads(data)
+        if about.get("node_type") != "array":
+            continue
+        shape, dtype = about["shape"], np.dtype(about["data_type"])
+        if dtype.kind not in "fiub" or len(shape) > 4 or any(type(n) is not int or n < 0 for n in shape):
+            raise StoreError(f"{DATA}/{name} describes something other than plain numbers")
+        size = int(np.prod(shape, dtype=object))
+        announced += size
+        codecs = [codec["name"] for codec in about["codecs"]]
+        chunk = about["chunk_grid"]["configuration"]["chunk_shape"]
+        if size > VALUES_MAX or announced > VALUES_MAX:
+            raise StoreError(f"{DATA}/{name} announces {size} numbers, too many")
+        if codecs not in (["bytes", "blosc"], ["bytes", "zstd"], ["bytes"]) or chunk != shape:
+            raise StoreError(f"{DATA}/{name} uses an encoding that exports do not have")
+        folder = name.removesuffix("zarr.json") + "c"
+        for other, packed in files.items():
+            if other == folder or other.startswith(f"{folder}/"):
+                unpack = {"blosc": _unpacked_blosc, "zstd": _unpacked_zstd}.get(codecs[-1])
+                if unpack is not None:
+                    unpack(packed, size * dtype.itemsize)
+    decode(files)
+
+
+def _unpacked_blosc(data: bytes, size: int) -> None:
+    """Refuse what does not unpack to exactly `size` bytes; no more than these are ever allocated."""
+    announced = int.from_bytes(data[4:8], "little") if len(data) >= 16 else -1
+    if announced != size:
+        raise StoreError("a chunk does not unpack to the size that its configuration says")
+    blosc.decompress(data, np.empty(size, dtype="uint8"))
+
+
+def _unpacked_zstd(data: bytes, size: int) -> None:
+    numcodecs.Zstd().decode(data, np.empty(size, dtype="uint8"))

@@ -1,0 +1,106 @@
+"""What the story on the Learn page shows of the smooth stream and of the ensembles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from streamdash.engine.geometry import Geometry
+from streamdash.survey.sky import BIN_WIDTH
+
+PIECES = (1, 2, 4, 8, 16, 32, 64, 128)
+"""Bins per piece into which streams are cut."""
+QUANTILES = (0.16, 0.5, 0.84)
+
+
+@dataclass(frozen=True)
+class Track:
+    """Where the stream is on the sky today; arrays (n,) from the progenitor to its far end.
+
+    Attributes
+    ----------
+    ell, b : Galactic longitude and latitude, deg
+    distance : from the Sun, kpc
+    theta : parallel angle, rad
+    density : ρ̄, 1 near the progenitor
+    """
+
+    ell: np.ndarray
+    b: np.ndarray
+    distance: np.ndarray
+    theta: np.ndarray
+    density: np.ndarray
+
+    @property
+    def sky_length(self) -> float:
+        """Length along the track on the sky, deg."""
+        ell, b = np.deg2rad(self.ell), np.deg2rad(self.b)
+        points = np.stack([np.cos(b) * np.cos(ell), np.cos(b) * np.sin(ell), np.sin(b)], axis=1)
+        chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        return float(np.rad2deg(2 * np.arcsin(chords / 2)).sum())
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """How far the density of pieces of a stream is from the smooth stream's.
+
+    Attributes
+    ----------
+    width : (n,) array
+        Length of a piece, deg.
+    deviation : (n_classes, 3, n) array
+        Root mean square of Qρ - 1 over a stream's pieces: quantiles 16, 50, 84 % over the streams.
+    noise : (n,) array
+        Shot noise of a piece.
+    """
+
+    width: np.ndarray
+    deviation: np.ndarray
+    noise: np.ndarray
+
+    def visible_from(self, index: int) -> float:
+        """Shortest piece (deg) in which the ups and downs of a class exceed the noise; infinite if none."""
+        seen = np.flatnonzero(self.deviation[index, 1] > self.noise)
+        return float(self.width[seen[0]]) if len(seen) else float("inf")
+
+
+def track(geometry: Geometry) -> Track:
+    """The smooth stream on the sky, from the progenitor to where it ends."""
+    inside = (geometry.track_theta >= 0) & (geometry.track_theta <= geometry.length)
+    theta = geometry.track_theta[inside]
+    return Track(
+        geometry.track_ell[inside],
+        geometry.track_b[inside],
+        geometry.track_dist[inside],
+        theta,
+        geometry.smooth_density(theta),
+    )
+
+
+def deviations(q: np.ndarray) -> np.ndarray:
+    """Root mean square of Qρ - 1 over pieces of each length in `PIECES`, (3, n): quantiles over streams.
+
+    Parameters
+    ----------
+    q : (n_streams, n_bin) array
+        Qρ without noise.
+    """
+    found = []
+    for size in PIECES:
+        n_piece = q.shape[1] // size
+        mean = q[:, : n_piece * size].reshape(len(q), n_piece, size).mean(axis=2)
+        rms = np.sqrt(((mean - 1) ** 2).mean(axis=1))
+        found.append(np.quantile(rms, QUANTILES))
+    return np.array(found).T
+
+
+def pieces(deviation: list[np.ndarray], noise: float) -> Pieces:
+    """Deviations of several classes beside the shot noise, which averages out as 1/√bins."""
+    size = np.array(PIECES, dtype=float)
+    return Pieces(BIN_WIDTH * size, np.array(deviation), noise / np.sqrt(size))
+
+
+def stars_per_bin(noise: float) -> float:
+    """Stars counted in one bin if the shot noise is that of counting them, σ_ε = 1/√N."""
+    return 1 / noise**2 if noise > 0 else float("inf")
