@@ -3,10 +3,11 @@ FROM python:3.11-slim AS build
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 RUN python -m venv /opt/venv
 WORKDIR /srv/streamdash
-# The packages' names alone are enough for an editable install; the code comes last, so that
-# changing it does not install the dependencies again.
-COPY pyproject.toml constraints.txt README.md ./
-RUN mkdir streamdash app && /opt/venv/bin/pip install -c constraints.txt -e .
+# The packages' names and the version are enough for an editable install; the code comes last, so
+# that changing it does not install the dependencies again.
+COPY pyproject.toml constraints.txt README.md LICENSE ./
+COPY streamdash/__init__.py streamdash/
+RUN mkdir app && /opt/venv/bin/pip install -c constraints.txt -e .
 # A fifth of the environment is the libraries' own tests and source maps, which nothing imports.
 RUN find /opt/venv -type d -name tests -prune -exec rm -rf {} + && find /opt/venv -name '*.map' -delete
 
@@ -17,8 +18,9 @@ ENV PATH=/opt/venv/bin:$PATH \
     NUMBA_CACHE_DIR=/home/streamdash/.cache/numba
 COPY --from=build /opt/venv /opt/venv
 WORKDIR /srv/streamdash
-COPY pyproject.toml README.md ./
+COPY pyproject.toml README.md LICENSE ./
 COPY cache cache
+COPY docs docs
 COPY streamdash streamdash
 COPY app app
 USER streamdash

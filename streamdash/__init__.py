@@ -8,6 +8,9 @@ from streamdash._public import offer
 
 _moved.install()
 
+__version__ = "0.1.0"
+"""The one place that says it; the package's metadata and the manifests of the cache take it from here."""
+
 PUBLIC = {
     "Cache": "streamdash.store.cache",
     "ConfigError": "streamdash.config",

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated
 
 import typer
 
+from streamdash import __version__
 from streamdash.cli.cache import cache_app
 from streamdash.cli.classify import classify_command
 from streamdash.cli.common import OneSentence
@@ -30,10 +30,7 @@ app.add_typer(cache_app, name="cache")
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        try:
-            print(f"streamdash {version('streamdash')}")
-        except PackageNotFoundError:
-            print("streamdash (a checkout that is not installed)")
+        print(f"streamdash {__version__}")
         raise typer.Exit
 
 

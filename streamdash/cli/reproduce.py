@@ -23,8 +23,8 @@ def reproduce_command(
             "--output",
             "-o",
             metavar="DIR",
-            show_default="the folder of the figures, or reproduction",
-            help="Where the results go: tables as Markdown, CSV and JSON.",
+            show_default="the folder of the figures; without one, tables are only printed",
+            help="Write the results there: tables as Markdown, CSV and JSON.",
         ),
     ] = None,
     figures: Annotated[
@@ -55,8 +55,8 @@ def reproduce_command(
     from streamdash.paper.evidence import load_sample, measure
     from streamdash.paper.tables import table_csv, table_markdown
 
-    folder = output or figures or Path("reproduction")
-    for directory in {folder, figures or folder}:
+    folder = output or figures
+    for directory in {one for one in (folder, figures) if one is not None}:
         make_folder(directory)
     where = make_cache(cache)
     sample = load_sample(where)
@@ -65,19 +65,19 @@ def reproduce_command(
         from streamdash.paper.choices import measure_choices
 
         results["choices"] = measure_choices(where, sample)
-    write(folder / "results.json", json.dumps(rounded(results), indent=1, ensure_ascii=False) + "\n")
-    write(folder / "table1.csv", table_csv(results))
-    write(folder / "table1.md", table_markdown(results))
-    print(table_markdown(results), end="")
+    table = table_markdown(results)
+    print(table, end="")
+    keep(folder, {"results.json": results, "table1.csv": table_csv(results), "table1.md": table})
     if classifier:
         from streamdash.paper.classifier import classifier_markdown, classifier_results
 
         configs = {label: entry.config for label, entry in zip(sample.labels, sample.entries, strict=True)}
         scores = classifier_results(where, configs)
-        write(folder / "classifier.json", json.dumps(rounded(scores), indent=1, ensure_ascii=False) + "\n")
-        write(folder / "table2.md", classifier_markdown(scores))
         print(f"\n{classifier_markdown(scores)}", end="")
-        write_statistics(where, configs, folder)
+        keep(folder, {"classifier.json": scores, "table2.md": classifier_markdown(scores)})
+        numbers, markdown = kept_by_statistics(where, configs)
+        print(f"\n{markdown}", end="")
+        keep(folder, {"statistics.json": numbers, "statistics.md": markdown})
     if text is not None:
         from streamdash.paper.differences import differences
 
@@ -90,8 +90,13 @@ def reproduce_command(
             messages.print(f"{line}", markup=False)
 
 
-def write_statistics(cache: Cache, configs: Mapping[str, EnsembleConfig], folder: Path) -> None:
-    """Compare what the PDF, the power spectrum and the profile keep, for the paper's sets of classes."""
+def kept_by_statistics(cache: Cache, configs: Mapping[str, EnsembleConfig]) -> tuple[list[Any], str]:
+    """What the PDF, the power spectrum and the profile keep, for the paper's sets of classes.
+
+    Returns
+    -------
+    numbers, markdown : the same as plain numbers and as tables.
+    """
     from streamdash.classifier.data import read_streams
     from streamdash.paper.evidence import NOISE, THREE_CLASSES, TWO_CLASSES
     from streamdash.paper.statistics import compare_statistics, statistics_markdown, statistics_numbers
@@ -100,10 +105,17 @@ def write_statistics(cache: Cache, configs: Mapping[str, EnsembleConfig], folder
     for labels in (TWO_CLASSES, THREE_CLASSES):
         streams = read_streams(cache, [configs[label] for label in labels])
         found.append(statistics_numbers(compare_statistics(streams, NOISE), labels, NOISE))
-    write(folder / "statistics.json", json.dumps(rounded(found), indent=1, ensure_ascii=False) + "\n")
-    text = "\n".join(statistics_markdown(numbers) for numbers in found)
-    write(folder / "statistics.md", text)
-    print(f"\n{text}", end="")
+    return found, "\n".join(statistics_markdown(numbers) for numbers in found)
+
+
+def keep(folder: Path | None, files: Mapping[str, Any]) -> None:
+    """Write results into a folder, where there is one: text as it is, all else as rounded JSON."""
+    if folder is None:
+        return
+    for name, content in files.items():
+        if not isinstance(content, str):
+            content = json.dumps(rounded(content), indent=1, ensure_ascii=False) + "\n"
+        write(folder / name, content)
 
 
 def make_folder(directory: Path) -> None:

@@ -6,17 +6,15 @@ import os
 import subprocess
 import sys
 from itertools import chain
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from streamdash import paths
 from streamdash.cli.common import CacheOption, InputError, make_cache
 from streamdash.cli.deploy import Deployment, check, server_arguments, server_environment, settings_table
 from streamdash.observe.table import UploadLimit
 from streamdash.simulation.limits import Limits
-
-APP = Path(__file__).resolve().parents[2] / "app"
 
 
 def serve_command(
@@ -43,8 +41,8 @@ def serve_command(
 ) -> None:
     """Start the dashboard; docs/deployment.md lists the environment variables that set it up."""
     make_cache(cache)
-    if not (APP / "main.py").is_file():
-        raise InputError(f"The app is not beside the library ({APP}); serve it from a checkout.")
+    if not (paths.APP / "main.py").is_file():
+        raise InputError(f"The dashboard is not where it should be ({paths.APP}); install streamdash anew.")
     chosen = Deployment.from_environment(address=address, port=port, origins=allow_origin or None)
     allowed = [Limits.from_environment(), UploadLimit.from_environment()]
     if settings:
@@ -56,7 +54,7 @@ def serve_command(
     environment = server_environment(chosen, os.environ)
     if cache is not None:
         environment["STREAMDASH_CACHE"] = str(cache.expanduser().absolute())
-    command = [sys.executable, str(APP / "launch.py"), *server_arguments(chosen, show, os.environ)]
+    command = [sys.executable, str(paths.APP / "launch.py"), *server_arguments(chosen, show, os.environ)]
     if os.name == "posix":  # become the server, so that signals reach it and nothing is orphaned
         sys.stdout.flush()
         os.execve(sys.executable, command, environment)

@@ -21,6 +21,7 @@ import filelock
 import platformdirs
 import xarray as xr
 
+from streamdash import paths
 from streamdash.config import Config, EnsembleConfig, SpectraConfig, StreamModel
 from streamdash.store.codec import CHUNK, decode
 from streamdash.store.entry import (
@@ -44,7 +45,7 @@ from streamdash.store.writer import Writer, continue_ensemble, siblings
 
 __all__ = ["CHUNK", "BusyError", "Cache", "Entry", "ForeignError", "StoreError", "Writer", "geometry_label"]
 
-SHIPPED = Path(__file__).resolve().parents[2] / "cache"
+SHIPPED = paths.CACHE
 """The cache that comes with the code: read, never written, unless it is chosen by name."""
 
 log = logging.getLogger(__name__)

@@ -23,12 +23,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import lru_cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
+from streamdash import __version__
 from streamdash.config import Config, ConfigError, EnsembleConfig, SpectraConfig, StreamModel
 from streamdash.store.codec import DENSITY_BITS, OMEGA_BITS, chunk_count, chunk_files, chunk_streams
 from streamdash.store.titles import check_title
@@ -355,7 +355,7 @@ def new_manifest(
         config_key=config.key,
         label=label,
         title=title,
-        code_version=_code_version(),
+        code_version=__version__,
         created=now(),
         updated=now(),
         cost_s=cost_s,
@@ -392,10 +392,3 @@ def write_model(path: Path, model: Config) -> None:
 def now() -> str:
     """Date and time, ISO, UTC."""
     return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-def _code_version() -> str:
-    try:
-        return version("streamdash")
-    except PackageNotFoundError:  # run from a checkout that is not installed
-        return "0+checkout"

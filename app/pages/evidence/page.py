@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import panel as pn
@@ -22,6 +21,7 @@ from app.services.comparison import (
 )
 from app.services.later import Later
 from streamdash.naming import mass_text
+from streamdash.paths import DOCS
 from streamdash.plots import cumulative, evidence
 from streamdash.plots.live import LiveFigure, export
 from streamdash.plots.pdf import frame
@@ -36,7 +36,7 @@ LEGEND = (
     ("dashes", "|ln B| = 1, 2.5, 5: weak, moderate, strong"),
 )
 WAITING = "Computing …"
-DIFFERENCES = Path(__file__).resolve().parents[3] / "docs" / "differences.md"
+DIFFERENCES = DOCS / "differences.md"
 PAPER_RANGES = ["1e3-1e5", "1e5-1e9"]
 
 
