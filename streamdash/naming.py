@@ -1,14 +1,25 @@
-"""Names and colours of classes for people: once, for every page, file and link."""
+"""Names and colours of classes for people: once, for every page, file and link.
+
+A class is an ensemble's configuration. Its name is its masses; where classes of the same masses stand
+side by side, the name also says what sets them apart: ``1e5-1e9, cutoff 1e7 Msun`` in files and code
+(`class_names`), ``10⁵–10⁹ M☉, cutoff 10⁷ M☉`` for people (`class_labels`).
+"""
 
 from __future__ import annotations
 
-from streamdash.config import mass_label
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from streamdash.config import Config, EnsembleConfig, mass_label, parse_mass_range
 
 CLASS_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 """Okabe & Ito's colour-blind-safe blue, vermilion, green and purple: models M0, M1, M2, M3."""
 
 MASS_UNIT = "M☉"
+PLAIN_UNIT = "Msun"
 SUPERSCRIPT = str.maketrans("0123456789.", "⁰¹²³⁴⁵⁶⁷⁸⁹·")
+MASS = re.compile(rf"(\d+(?:\.\d+)?)e(\d+)( {PLAIN_UNIT})?")
 
 
 def class_colour(index: int) -> str:
@@ -16,18 +27,120 @@ def class_colour(index: int) -> str:
     return CLASS_COLOURS[index % len(CLASS_COLOURS)]
 
 
+# ---------------------------------------------------------------- masses
+
+
 def mass_text(mass_range: tuple[float, float]) -> str:
     """A mass range for people, for example ``10³–10⁵ M☉``."""
-
-    def one(text: str) -> str:
-        mantissa, exponent = text.split("e")
-        power = "10" + exponent.translate(SUPERSCRIPT)
-        return power if mantissa == "1" else f"{mantissa}·{power}"
-
     low, high = mass_label(mass_range).split("-")
-    return f"{one(low)}–{one(high)} {MASS_UNIT}"
+    return f"{_power(low)}–{_power(high)} {MASS_UNIT}"
 
 
 def model_text(index: int, mass_range: tuple[float, float]) -> str:
     """Name of a class in titles, legends and tables, for example ``M0 · 10³–10⁵ M☉``."""
     return f"M{index} · {mass_text(mass_range)}"
+
+
+def _power(text: str) -> str:
+    return MASS.sub(_as_power, text)
+
+
+def _as_power(match: re.Match[str]) -> str:
+    mantissa, exponent, unit = match.groups()
+    power = "10" + exponent.translate(SUPERSCRIPT)
+    return (power if mantissa == "1" else f"{mantissa}·{power}") + (f" {MASS_UNIT}" if unit else "")
+
+
+# ---------------------------------------------------------------- classes
+
+
+def class_names(configs: Sequence[EnsembleConfig]) -> list[str]:
+    """Name of each class in files and code: its masses, and what sets it apart from others of the same.
+
+    Classes that differ in something are named differently; the same configuration twice is not.
+    """
+    masses = [config.perturbers.label for config in configs]
+    names = []
+    for config, own in zip(configs, masses, strict=True):
+        same = [other for other, label in zip(configs, masses, strict=True) if label == own]
+        names.append(", ".join([own, *_set_apart(config, same)]))
+    return names
+
+
+def class_labels(configs: Sequence[EnsembleConfig]) -> list[str]:
+    """Name of each class for people, for example ``10⁵–10⁹ M☉, cutoff 10⁷ M☉``; see `class_names`."""
+    return [label_text(name) for name in class_names(configs)]
+
+
+def model_labels(configs: Sequence[EnsembleConfig]) -> list[str]:
+    """Name of each class with its number, for example ``M0 · 10³–10⁵ M☉``; see `class_labels`."""
+    return [f"M{index} · {label}" for index, label in enumerate(class_labels(configs))]
+
+
+def label_text(name: str) -> str:
+    """A name made by `class_names` as people read it; any other text as it is."""
+    masses, comma, words = name.partition(", ")
+    try:
+        return mass_text(parse_mass_range(masses)) + comma + _power(words)
+    except ValueError:
+        return name
+
+
+def differences(config: EnsembleConfig) -> list[str]:
+    """What sets an ensemble apart from the default one of its stream and masses, in words for people.
+
+    Neither the number of streams nor the numerical accuracy: they do not change what is simulated.
+    """
+    return [_power(words) for path, words in _words(config) if not path.startswith(UNSEEN)]
+
+
+def _set_apart(config: EnsembleConfig, same: Sequence[EnsembleConfig]) -> list[str]:
+    """Words for what is not as by default and differs among ensembles of the same masses."""
+    if len(same) < 2:
+        return []
+    others = [dict(_leaves(other)) for other in same]
+    differing = {path for path, value in _leaves(config) if any(o.get(path) != value for o in others)}
+    return [words for path, words in _words(config) if path in differing]
+
+
+def _words(config: EnsembleConfig) -> Iterator[tuple[str, str]]:
+    """Path and words of everything that is not as by default, masses aside."""
+    plain = dict(_leaves(EnsembleConfig()))
+    for path, value in _leaves(config):
+        if path != "perturbers.mass_range" and value != plain.get(path):
+            say = WORDS.get(path)
+            yield path, say(value) if say else f"{path.rpartition('.')[2]} {_number(value)}"
+
+
+def _leaves(config: Config, above: str = "") -> Iterator[tuple[str, Any]]:
+    """Path and value of every field, those of configurations inside it one by one."""
+    for name, value in config:
+        if isinstance(value, Config):
+            yield from _leaves(value, f"{above}{name}.")
+        else:
+            yield above + name, value
+
+
+def _number(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) and float(f"{value:g}") == value else str(value)
+
+
+def _mass(value: float) -> str:
+    return f"{mass_label((value, value)).split('-')[0]} {PLAIN_UNIT}"
+
+
+WORDS: Mapping[str, Callable[[Any], str]] = {
+    "perturbers.X": lambda value: f"X = {_number(value)}",
+    "perturbers.rate_factor": lambda value: f"rate × {_number(value)}",
+    "perturbers.slope": lambda value: f"slope {_number(value)}",
+    "perturbers.cutoff_mass": lambda value: f"cutoff {_mass(value)}",
+    "perturbers.profile": lambda value: f"{value.capitalize()} spheres",
+    "perturbers.rs_factor": lambda value: f"r_s × {_number(value)}",
+    "perturbers.sigma_h": lambda value: f"σ_h = {_number(value)} km/s",
+    "perturbers.length_factor": lambda value: f"length × {_number(value)}",
+    "n_streams": lambda value: f"{value} streams",
+    "seed": lambda value: f"seed {value}",
+}
+"""How people say what differs from the default."""
+UNSEEN = ("stream.", "accuracy.", "n_streams")
+"""Beginnings of the paths that are not told of an ensemble on its own."""

@@ -1,15 +1,16 @@
-"""Simulated streams seen as one measured profile was: its bins, gaps, errors and smooth curve.
+"""How a stream is observed: its bins, gaps, errors, and what smooth curve is divided out.
 
-A measured profile is a few dozen bins, often with gaps between them, an error for each bin, and a
-smooth profile that nobody knows. `Design` holds all of that but the measured values, so that every
-simulated stream can be put through exactly the same (Bovy, Erkal & Sanders 2017, §5, divide the
-density by a polynomial fitted to it; so does `Design.divide`, to data and simulations alike).
+A `Design` is everything about a measured profile but its values, so that every simulated stream can
+be put through exactly the same. `default_design` is the paper's: 0.2° bins of longitude, one noise in
+all. A profile that somebody measured is a few dozen bins, often with gaps between them, an error for
+each, and a smooth curve that nobody knows (Bovy, Erkal & Sanders 2017, §5, divide the density by a
+polynomial fitted to it; so does `measured`, data and simulations alike).
 """
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -18,9 +19,11 @@ import xarray as xr
 
 from streamdash.engine.geometry import Geometry
 from streamdash.survey.sky import (
+    NOISE,
     THETA_WINDOW,
     Coordinate,
     bin_weights,
+    longitude_bins,
     theta_to_ell,
     theta_to_phi1,
     to_theta,
@@ -37,14 +40,15 @@ FLOOR = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """How a profile was measured: everything but its values.
+    """How a profile is measured: everything but its values.
 
     Attributes
     ----------
-    coordinate : {"ell", "phi1"}
-        Coordinate of the bins (deg).
+    coordinate : {"ell", "phi1", "theta"}
+        Coordinate of the bins (deg; rad for theta).
     low, high : ndarray (n_bin,)
-        Ends of each bin, bins in rising order; there may be gaps between them.
+        Ends of each bin, bins in one direction along the stream; there may be gaps between them.
+        Where the coordinate falls from bin to bin, `low` is the end met first, the higher one.
     sigma : ndarray (n_bin,)
         Standard deviation of the values after division, that is relative to the smooth curve.
     quantity : {"q_rho", "density"}
@@ -57,8 +61,30 @@ class Design:
     low: np.ndarray
     high: np.ndarray
     sigma: np.ndarray
-    quantity: Quantity
-    order: int
+    quantity: Quantity = "q_rho"
+    order: int = AS_IS
+
+    @classmethod
+    def adjoining(cls, coordinate: Coordinate, edges: np.ndarray, noise: float = NOISE) -> Design:
+        """Qρ in bins without gaps, with one error in all and nothing divided out.
+
+        Parameters
+        ----------
+        edges : ndarray (n_bin + 1,), rising or falling.
+        noise : standard deviation σ_ε of every bin.
+        """
+        edges = np.asarray(edges, dtype=float)
+        return cls(coordinate, edges[:-1], edges[1:], _errors(noise, len(edges) - 1))
+
+    def with_noise(self, noise: float | np.ndarray) -> Design:
+        """The same bins with other errors: one for all, or one each (n_bin,).
+
+        Raises
+        ------
+        ValueError
+            When an error is negative or not finite, or there are not as many as bins.
+        """
+        return replace(self, sigma=_errors(noise, self.n_bin))
 
     @property
     def n_bin(self) -> int:
@@ -69,6 +95,34 @@ class Design:
     def centers(self) -> np.ndarray:
         """Middle of every bin (deg)."""
         return 0.5 * (self.low + self.high)
+
+    @property
+    def noise(self) -> float:
+        """The typical error of a bin, their median."""
+        return float(np.median(self.sigma))
+
+    @property
+    def gapless(self) -> bool:
+        """Whether each bin begins where the one before it ends."""
+        return bool(np.array_equal(self.low[1:], self.high[:-1]))
+
+    @property
+    def edges(self) -> np.ndarray:
+        """Edges (n_bin + 1,) of adjoining bins.
+
+        Raises
+        ------
+        ValueError
+            When there are gaps between the bins.
+        """
+        if not self.gapless:
+            raise ValueError("bins with gaps between them have no common edges; use low and high")
+        return np.append(self.low, self.high[-1])
+
+    @property
+    def step(self) -> float:
+        """Width of the first bin, which is that of all where they are even (deg)."""
+        return abs(float(self.high[0] - self.low[0]))
 
     @cached_property
     def fit(self) -> np.ndarray | None:
@@ -81,10 +135,23 @@ class Design:
     @cached_property
     def key(self) -> str:
         """Hash of the design."""
+        return self._hash(self.low, self.high, self.sigma)
+
+    @cached_property
+    def bins_key(self) -> str:
+        """Hash of all but the errors: what profiles without noise depend on."""
+        return self._hash(self.low, self.high)
+
+    def _hash(self, *arrays: np.ndarray) -> str:
         sha = hashlib.sha256(repr((self.coordinate, self.quantity, self.order)).encode())
-        for array in (self.low, self.high, self.sigma):
+        for array in arrays:
             sha.update(np.ascontiguousarray(array, dtype=float).tobytes())
         return sha.hexdigest()[:16]
+
+
+def default_design(geometry: Geometry, noise: float = NOISE) -> Design:
+    """The paper's: Qρ in 0.2° bins of longitude (`longitude_bins`) with shot noise σ_ε in each."""
+    return Design.adjoining("ell", longitude_bins(geometry), noise)
 
 
 def window(geometry: Geometry, coordinate: Coordinate) -> tuple[float, float]:
@@ -171,13 +238,26 @@ def smooth_as(geometry: Geometry, ensemble: xr.Dataset, design: Design) -> np.nd
 def _weights(geometry: Geometry, ensemble: xr.Dataset, design: Design) -> np.ndarray:
     """Weights (n_theta, n_bin) that turn density per radian into what the design measures."""
     theta = ensemble.theta.values
-    edges = np.unique(np.concatenate([design.low, design.high]))
-    # Bins and the gaps between them; then the bins alone.
-    weights = bin_weights(geometry, theta, edges, design.coordinate)
-    weights = weights[:, np.searchsorted(edges, design.low)]
+    if design.gapless:
+        weights = bin_weights(geometry, theta, design.edges, design.coordinate)
+    else:
+        ends = np.sort([design.low, design.high], axis=0)
+        edges = np.unique(ends)
+        # Bins and the gaps between them; then the bins alone.
+        weights = bin_weights(geometry, theta, edges, design.coordinate)
+        weights = weights[:, np.searchsorted(edges, ends[0])]
     if design.quantity == "q_rho":
         return weights / (ensemble.smooth.values @ weights)
-    radians = np.abs(
-        to_theta(geometry, design.high, design.coordinate) - to_theta(geometry, design.low, design.coordinate)
+    radians = to_theta(geometry, design.high, design.coordinate) - to_theta(
+        geometry, design.low, design.coordinate
     )
-    return weights * (radians / (design.high - design.low))
+    return weights * np.abs(radians / (design.high - design.low))
+
+
+def _errors(noise: float | np.ndarray, n_bin: int) -> np.ndarray:
+    sigma = np.asarray(noise, dtype=float)
+    if not (np.isfinite(sigma) & (sigma >= 0)).all():
+        raise ValueError(f"the noise must be a number of 0 or more (got {noise})")
+    if sigma.shape not in ((), (n_bin,)):
+        raise ValueError(f"give one error for all {n_bin} bins, or one for each (got {len(sigma)})")
+    return np.broadcast_to(sigma, n_bin).copy()
