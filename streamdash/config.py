@@ -16,6 +16,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+ENGINE_VERSION = 1
+"""Version of the results: raised only when the same configuration gives other numbers than before.
+
+Results of different engines are never mixed in one entry of the cache, nor is one begun by another
+engine continued. The package's version, which changes for many other reasons, does not matter there.
+"""
 MASS_MIN, MASS_MAX = 1.0, 1e12
 """Lowest and highest subhalo mass accepted, in M☉."""
 DECADES_MAX = 8.0

@@ -30,6 +30,7 @@ from streamdash.store.entry import (
     Entry,
     ForeignError,
     StoreError,
+    check_engine,
     explained,
     inspect,
     key_of,
@@ -225,7 +226,7 @@ class Cache:
         """Create or continue the ensemble of `config`; the only way to write to it.
 
         Damaged chunks of an entry count as missing. An entry that cannot be continued (damaged in
-        another way, foreign, or made by other code or from another smooth stream) is renamed, not
+        another way, foreign, or made by another engine or from another smooth stream) is renamed, not
         deleted. Chunks that an ensemble with fewer or more streams has already are taken over.
 
         Parameters
@@ -258,7 +259,7 @@ class Cache:
     def open_geometry(self, stream: StreamModel) -> xr.Dataset | None:
         """The stored geometry of a stream, or None when it has to be computed.
 
-        A damaged one is named in the log and passed over.
+        A damaged one, or one of another engine, is named in the log and passed over.
         """
         return self._open_whole("geometries", stream)
 
@@ -339,6 +340,7 @@ class Cache:
         for path in self._paths(kind, config.key):
             try:
                 manifest, _ = read_manifest(path, kind)
+                check_engine(manifest)
                 return decode(read_verified(path, manifest.header))
             except StoreError as error:
                 log.warning("The entry %s of %s is left out: %s.", path.name, kind, error)

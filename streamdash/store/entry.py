@@ -29,7 +29,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 
 from streamdash import __version__
-from streamdash.config import Config, ConfigError, EnsembleConfig, SpectraConfig, StreamModel
+from streamdash.config import ENGINE_VERSION, Config, ConfigError, EnsembleConfig, SpectraConfig, StreamModel
 from streamdash.store.codec import DENSITY_BITS, OMEGA_BITS, chunk_count, chunk_files, chunk_streams
 from streamdash.store.titles import check_title
 
@@ -71,7 +71,8 @@ class Manifest(Config):
     """What an entry says about itself (``manifest.json``).
 
     ``header`` holds the files written when the entry is created, ``chunks`` those of each
-    finished chunk; both map file names inside ``data.zarr`` to their SHA-256.
+    finished chunk; both map file names inside ``data.zarr`` to their SHA-256. ``engine_version``
+    decides what may be mixed with it (`check_engine`); ``code_version`` is for the record.
     """
 
     format: str
@@ -79,6 +80,7 @@ class Manifest(Config):
     label: str
     title: Annotated[str, AfterValidator(check_title)] = ""
     code_version: str
+    engine_version: int = Field(1, ge=1, description="entries from before it was written are of the first")
     created: str
     updated: str
     cost_s: float = Field(0.0, ge=0, allow_inf_nan=False, description="core seconds of computing")
@@ -172,6 +174,12 @@ def check_chunks(manifest: Manifest, config: EnsembleConfig) -> None:
             raise StoreError(f"manifest.json lists a chunk {index} that this ensemble cannot have")
 
 
+def check_engine(manifest: Manifest) -> None:
+    """Raise a `StoreError` when an entry holds results of another engine than this one."""
+    if manifest.engine_version != ENGINE_VERSION:
+        raise StoreError(f"engine {manifest.engine_version} made it, this is engine {ENGINE_VERSION}")
+
+
 def key_of(name: str) -> str | None:
     """The key in an entry's directory name ``<label>-<key>``, or None."""
     match = re.fullmatch(r".+-([0-9a-f]{16})", name)
@@ -246,6 +254,7 @@ class Entry:
     date : ISO date and time of the last change.
     cost_s : core seconds it took to compute.
     code_version : of the streamdash that made it.
+    engine_version : of the engine whose results it holds; 0 when that cannot be read.
     shipped : whether it lies in a folder that is only read.
     """
 
@@ -264,6 +273,7 @@ class Entry:
     code_version: str
     shipped: bool
     title: str = ""
+    engine_version: int = 0
 
 
 def inspect(path: Path, kind: str, shipped: bool) -> Entry:
@@ -309,6 +319,7 @@ def inspect(path: Path, kind: str, shipped: bool) -> Entry:
         cost_s=manifest.cost_s,
         code_version=manifest.code_version,
         title=manifest.title,
+        engine_version=manifest.engine_version,
     )
 
 
@@ -356,6 +367,7 @@ def new_manifest(
         label=label,
         title=title,
         code_version=__version__,
+        engine_version=ENGINE_VERSION,
         created=now(),
         updated=now(),
         cost_s=cost_s,

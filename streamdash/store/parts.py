@@ -17,13 +17,16 @@ import filelock
 import numpy as np
 import xarray as xr
 
-from streamdash.config import Config, StreamModel
+from streamdash.config import ENGINE_VERSION, Config, StreamModel
 from streamdash.store.codec import encode_dataset
 from streamdash.store.entry import (
+    StoreError,
+    check_engine,
     create,
     explained,
     new_manifest,
     problems_of,
+    read_manifest,
     set_aside,
     sha256,
     write_file,
@@ -35,8 +38,8 @@ DIGITS = 16
 
 
 def parts_folder(root: Path, stream: StreamModel) -> Path:
-    """Where the parts of a geometry are kept under the cache folder `root`."""
-    return root / "geometries" / f".parts-{stream.key}"
+    """Where this engine's parts of a geometry are kept under the cache folder `root`."""
+    return root / "geometries" / f".parts-{ENGINE_VERSION}-{stream.key}"
 
 
 def part_files(folder: Path) -> dict[int, Path]:
@@ -114,7 +117,7 @@ class GeometryWriter:
 
 
 def store_whole(path: Path, config: Config, label: str, dataset: xr.Dataset, cost_s: float) -> None:
-    """Make a Dataset of numbers the entry at `path`, unless an intact one is there already.
+    """Make a Dataset of numbers the entry at `path`, unless an intact one of this engine is there already.
 
     Raises
     ------
@@ -124,7 +127,9 @@ def store_whole(path: Path, config: Config, label: str, dataset: xr.Dataset, cos
     kind = path.parent.name
     files = encode_dataset(dataset)
     if path.exists():
-        if not problems_of(path, kind):
-            return
+        with contextlib.suppress(StoreError):
+            check_engine(read_manifest(path, kind)[0])
+            if not problems_of(path, kind):
+                return
         set_aside(path)
     create(path, config, new_manifest(kind, config, label, files, cost_s), files)

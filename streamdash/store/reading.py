@@ -8,7 +8,7 @@ import xarray as xr
 
 from streamdash.config import EnsembleConfig
 from streamdash.store.codec import chunk_count, chunk_streams, decode
-from streamdash.store.entry import StoreError, read_manifest, read_verified
+from streamdash.store.entry import StoreError, check_engine, read_manifest, read_verified
 
 
 def read_ensemble(path: Path, n_streams: int | None) -> xr.Dataset:
@@ -45,9 +45,9 @@ def read_finished(path: Path, limit: int) -> xr.Dataset | None:
 
 
 def holds_geometry(path: Path) -> bool:
-    """Whether a folder is a geometry by its manifest; its files are not read."""
+    """Whether a folder is a geometry of this engine by its manifest; its files are not read."""
     try:
-        read_manifest(path, "geometries")
+        check_engine(read_manifest(path, "geometries")[0])
     except StoreError:
         return False
     return True

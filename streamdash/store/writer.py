@@ -24,6 +24,7 @@ from streamdash.store.entry import (
     SET_ASIDE,
     Manifest,
     StoreError,
+    check_engine,
     create,
     explained,
     file_problems,
@@ -145,8 +146,7 @@ def _continued(path: Path, fresh: Manifest) -> Manifest:
     manifest, _ = read_manifest(path, "ensembles")
     if problems := file_problems(path, manifest.header, fresh=True):
         raise StoreError(problems[0])
-    if manifest.code_version != fresh.code_version:
-        raise StoreError(f"version {manifest.code_version} made it, this is version {fresh.code_version}")
+    check_engine(manifest)
     if manifest.header != fresh.header:
         raise StoreError("its smooth stream differs from today's")
     sound = {i: files for i, files in manifest.chunks.items() if not file_problems(path, files, fresh=True)}
@@ -158,14 +158,15 @@ def _continued(path: Path, fresh: Manifest) -> Manifest:
 
 
 def _take_over(path: Path, config: EnsembleConfig, manifest: Manifest, other: Path) -> Manifest:
-    """Copy the chunks that are missing at `path` and finished in a sibling of the same code."""
+    """Copy the chunks that are missing at `path` and finished in a sibling of the same engine."""
     try:
         theirs, their_config = read_manifest(other, "ensembles")
+        check_engine(theirs)
     except StoreError:
         return manifest
     assert isinstance(their_config, EnsembleConfig)
     same_stream = all(theirs.header.get(name) == manifest.header[name] for name in SMOOTH_FILES)
-    if theirs.code_version != manifest.code_version or not same_stream:
+    if not same_stream:
         return manifest
     found = {}
     for index, sums in theirs.chunks.items():
