@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -21,9 +21,9 @@ from streamdash.cli.common import (
     progress_bar,
     wrong_input,
 )
-from streamdash.store.cache import Cache, Entry
-from streamdash.store.entry import SET_ASIDE, explained, set_aside
-from streamdash.store.keeping import prune
+
+if TYPE_CHECKING:
+    from streamdash.store.cache import Cache, Entry
 
 cache_app = typer.Typer(cls=OneSentence, no_args_is_help=True, help="What is in the cache.")
 NameArgument = Annotated[str, typer.Argument(metavar="NAME", help="Key or directory name of an entry.")]
@@ -103,6 +103,7 @@ def _repair(cache: Cache, entry: Entry, workers: int | None) -> str:
     """Mend a damaged entry as far as that can be done; says what was done."""
     from streamdash.simulation.ensemble import background, complete
     from streamdash.simulation.geometry import load_geometry
+    from streamdash.store.entry import SET_ASIDE, explained, set_aside
 
     if SET_ASIDE in entry.path.name:
         return "it was set aside before; `streamdash cache prune` removes it"
@@ -162,6 +163,8 @@ def prune_command(
     as_json: JsonOption = False,
 ) -> None:
     """Remove what was set aside and what killed runs left behind; shipped entries and those in use stay."""
+    from streamdash.store.keeping import prune
+
     limit = None if max_mb is None else int(max_mb * 1e6)
     gone = prune(make_cache(cache), unfinished, limit, dry_run)
     if as_json:

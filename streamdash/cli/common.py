@@ -1,4 +1,8 @@
-"""What the commands share: options, one-sentence errors, progress bars."""
+"""What the commands share: options, one-sentence errors, progress bars.
+
+Nothing here, nor at the top of a command's module, imports the numerical libraries: they take seconds,
+and `streamdash --help` needs none of them.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -23,7 +27,9 @@ from rich.progress import (
 from typer.core import TyperGroup
 
 from streamdash.config import ConfigError, EnsembleConfig
-from streamdash.store.cache import Cache, StoreError
+
+if TYPE_CHECKING:
+    from streamdash.store.cache import Cache
 
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
@@ -75,10 +81,16 @@ class OneSentence(TyperGroup):
                 error.show()  # type: ignore[attr-defined]
                 sys.exit(2)
             fail(error.format_message())  # type: ignore[attr-defined]
-        except (ConfigError, InputError, StoreError) as error:
+        except (ConfigError, InputError) as error:
             fail(str(error))
         except typer.Abort:
             fail("Nothing was done.")
+        except RuntimeError as error:
+            from streamdash.store.entry import StoreError
+
+            if not isinstance(error, StoreError):
+                raise
+            fail(str(error))
         sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -162,6 +174,8 @@ def progress_bar() -> Iterator[Callable[[str], Callable[[int, int], None]]]:
 
 def make_cache(directory: Path | None) -> Cache:
     """The cache that ``--cache``, the environment or the defaults name."""
+    from streamdash.store.cache import Cache
+
     return Cache.default(directory)
 
 

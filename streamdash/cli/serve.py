@@ -13,8 +13,6 @@ import typer
 from streamdash import paths
 from streamdash.cli.common import CacheOption, InputError, make_cache
 from streamdash.cli.deploy import Deployment, check, server_arguments, server_environment, settings_table
-from streamdash.observe.table import UploadLimit
-from streamdash.simulation.limits import Limits
 
 
 def serve_command(
@@ -40,6 +38,9 @@ def serve_command(
     ] = False,
 ) -> None:
     """Start the dashboard; docs/deployment.md lists the environment variables that set it up."""
+    from streamdash.observe.table import UploadLimit
+    from streamdash.simulation.limits import Limits
+
     make_cache(cache)
     if not (paths.APP / "main.py").is_file():
         raise InputError(f"The dashboard is not where it should be ({paths.APP}); install streamdash anew.")

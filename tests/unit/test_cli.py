@@ -338,3 +338,27 @@ def test_impossible_ports_are_refused(port):
 def test_help_names_every_command():
     text = run("--help").stdout
     assert all(name in text for name in ("serve", "simulate", "stream", "cache"))
+
+
+# ------------------------------------------------------------------ quick to answer
+
+HEAVY = ["numpy", "scipy", "pandas", "numba", "galpy", "xarray", "zarr", "sklearn", "xgboost", "matplotlib"]
+HEAVY += ["holoviews", "panel", "joblib"]
+
+
+@pytest.mark.parametrize("command", ["", "serve", "simulate", "reproduce", "classify", "cache"])
+def test_help_loads_no_numerical_library(command):
+    """Seconds would pass before the first word."""
+    script = (
+        "import sys\n"
+        "from streamdash.cli.main import app\n"
+        "try:\n"
+        "    app([*sys.argv[2:], '--help'], prog_name='streamdash')\n"
+        "finally:\n"
+        "    print('LOADED', sorted(sys.modules.keys() & set(sys.argv[1].split(','))))\n"
+    )
+    options = [",".join(HEAVY), *filter(None, [command])]
+    done = subprocess.run([sys.executable, "-c", script, *options], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "Usage: streamdash" in done.stdout
+    assert done.stdout.splitlines()[-1] == "LOADED []"
