@@ -191,7 +191,17 @@ class Accuracy(Config):
 
 
 class EnsembleConfig(Config):
-    """Many streams: a stream model, its perturbers, and how they are computed."""
+    """Many streams: a stream model, its perturbers, and how they are computed.
+
+    Examples
+    --------
+    >>> small = EnsembleConfig(perturbers=Perturbers(mass_range="1e3-1e5"), n_streams=10)
+    >>> small.key == EnsembleConfig.parse(small.model_dump_json()).key
+    True
+    >>> EnsembleConfig(n_streams=0)
+    Traceback (most recent call last):
+    streamdash.config.ConfigError: n_streams: input should be greater than or equal to 1 (got 0).
+    """
 
     stream: StreamModel = StreamModel()
     perturbers: Perturbers = Perturbers()
@@ -228,7 +238,13 @@ class SpectraConfig(Config):
 
 
 def mass_label(mass_range: tuple[float, float]) -> str:
-    """Write a mass range as text: ``(1e3, 1e5)`` becomes ``1e3-1e5``."""
+    """Write a mass range as text: ``(1e3, 1e5)`` becomes ``1e3-1e5``.
+
+    Examples
+    --------
+    >>> mass_label((1e3, 1e5))
+    '1e3-1e5'
+    """
 
     def one(mass: float) -> str:
         mantissa, exponent = f"{mass:.12e}".split("e")
@@ -244,6 +260,11 @@ def parse_mass_range(text: str) -> tuple[float, float]:
     ------
     ValueError
         When the text is not two positive numbers joined by a hyphen.
+
+    Examples
+    --------
+    >>> parse_mass_range("1e3-1e5")
+    (1000.0, 100000.0)
     """
     number = r"(\d+(?:\.\d*)?(?:[eE]\+?\d+)?)"
     match = re.fullmatch(rf"\s*{number}\s*[-–]\s*{number}\s*", text)

@@ -31,7 +31,13 @@ def class_colour(index: int) -> str:
 
 
 def mass_text(mass_range: tuple[float, float]) -> str:
-    """A mass range for people, for example ``10³–10⁵ M☉``."""
+    """A mass range for people, for example ``10³–10⁵ M☉``.
+
+    Examples
+    --------
+    >>> mass_text((1e3, 1e5))
+    '10³–10⁵ M☉'
+    """
     low, high = mass_label(mass_range).split("-")
     return f"{_power(low)}–{_power(high)} {MASS_UNIT}"
 

@@ -180,7 +180,13 @@ def make_cache(directory: Path | None) -> Cache:
 
 
 def duration(seconds: float) -> str:
-    """A time for people: ``0.8 s``, ``45 s``, ``12 min``, ``3.5 h``."""
+    """A time for people: ``0.8 s``, ``45 s``, ``12 min``, ``3.5 h``.
+
+    Examples
+    --------
+    >>> duration(45), duration(12 * 60)
+    ('45 s', '12 min')
+    """
     if seconds < 10:
         return f"{seconds:.2g} s"
     if seconds < 100:

@@ -196,12 +196,24 @@ def _refuse(bad: np.ndarray, name: str, values, fix: str) -> None:
 
 
 def scale_radius(mass, perturbers: Perturbers):
-    """Scale radius r_s(M) in kpc: 1.05 kpc (Hernquist) or 1.62 kpc (Plummer) · (M/10⁸)^½."""
+    """Scale radius r_s(M) in kpc: 1.05 kpc (Hernquist) or 1.62 kpc (Plummer) · (M/10⁸)^½.
+
+    Examples
+    --------
+    >>> float(scale_radius(1e8, Perturbers()))
+    1.05
+    """
     return SCALE_RADIUS_KPC[perturbers.profile] * perturbers.rs_factor * (mass / 1e8) ** 0.5
 
 
 def mass_decades(mass_range: tuple[float, float]) -> list[tuple[float, float]]:
-    """Cut a mass range into decades from its lower end; the last may be partial."""
+    """Cut a mass range into decades from its lower end; the last may be partial.
+
+    Examples
+    --------
+    >>> mass_decades((1e5, 5e6))
+    [(100000.0, 1000000.0), (1000000.0, 5000000.0)]
+    """
     low, high = mass_range
     edges = [low]
     while edges[-1] * 10 < high * (1 - 1e-12):
@@ -228,6 +240,13 @@ def expected_impacts(geometry: Geometry, perturbers: Perturbers) -> float:
     galpy's ``streamdf.subhalo_encounters`` summed over decades of mass, each with the r_s
     of its middle; b_max = X r_s, never below half the stream's width. It scales with the
     rate factor, the length factor, and the fraction that a cutoff mass leaves.
+
+    Examples
+    --------
+    >>> from streamdash import Perturbers, StreamModel, load_geometry
+    >>> geometry = load_geometry(StreamModel())
+    >>> round(expected_impacts(geometry, Perturbers(mass_range="1e3-1e5")))  # the paper: about 839
+    839
     """
     floor = 0.5 * geometry.width * geometry.mean_radius
     per_density_and_b = (

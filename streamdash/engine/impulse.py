@@ -28,7 +28,13 @@ def gravity() -> float:
 
 @njit(cache=True, error_model="numpy")
 def hernquist_factor(u: float) -> float:
-    """(1 - X(u)) / (u² - 1) of the Hernquist kick; regular (1/3) at u = 1."""
+    """(1 - X(u)) / (u² - 1) of the Hernquist kick; regular (1/3) at u = 1.
+
+    Examples
+    --------
+    >>> round(hernquist_factor(1.0), 6)
+    0.333333
+    """
     t = 1.0 - u * u
     if abs(t) < 0.05:
         return 1 / 3 + t * (1 / 5 + t * (1 / 7 + t * (1 / 9 + t * (1 / 11 + t * (1 / 13 + t / 15)))))

@@ -259,6 +259,11 @@ def jeffreys(ln_bayes: float) -> str:
     """Jeffreys' scale: |ln B| < 1 inconclusive, 1–2.5 weak, 2.5–5 moderate, above 5 strong.
 
     Not a number (nothing to compare) is "no bins".
+
+    Examples
+    --------
+    >>> jeffreys(0.9), jeffreys(-3.0), jeffreys(9.0)
+    ('inconclusive', 'moderate', 'strong')
     """
     if np.isnan(ln_bayes):
         return "no bins"

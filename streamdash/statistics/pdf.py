@@ -140,6 +140,11 @@ def pdf_of_profiles(q: np.ndarray, edges: np.ndarray) -> np.ndarray:
     -------
     ndarray (n_streams, n_bin)
         Densities; each row integrates to 1, or is all 0 for a stream with no value inside.
+
+    Examples
+    --------
+    >>> pdf_of_profiles(np.array([[0.1, 0.1, 0.6, 0.9]]), np.array([0.0, 0.5, 1.0]))
+    array([[1., 1.]])
     """
     q = np.asarray(q)
     if q.ndim != 2:

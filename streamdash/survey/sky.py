@@ -76,6 +76,12 @@ def longitude_bins(
     -------
     (n_bin + 1,) array
         Longitudes (deg), in the order of increasing parallel angle.
+
+    Examples
+    --------
+    >>> from streamdash import StreamModel, load_geometry
+    >>> len(longitude_bins(load_geometry(StreamModel()))) - 1
+    347
     """
     if not (np.isfinite(width) and width > 0):
         raise ValueError(f"width must be a positive number of degrees (got {width})")
@@ -169,6 +175,13 @@ def add_noise(q: np.ndarray, draws: np.ndarray, sigma: float) -> np.ndarray:
     ------
     ValueError
         When `sigma` is negative or not finite, or `q` has more streams or bins than `draws`.
+
+    Examples
+    --------
+    >>> q = np.ones((2, 3), np.float32)
+    >>> draws = shot_noise(q.shape)
+    >>> bool(np.allclose(add_noise(q, draws, 0.2) - 1, 2 * (add_noise(q, draws, 0.1) - 1), atol=1e-6))
+    True
     """
     if not (np.isfinite(sigma) and sigma >= 0):
         raise ValueError(f"the noise must be a number of 0 or more (got {sigma})")
