@@ -17,11 +17,11 @@ from streamdash.cli.deploy import Deployment, check, server_arguments, server_en
 
 def serve_command(
     port: Annotated[
-        int | None, typer.Option("--port", "-p", min=1, max=65535, help="Port to listen on [5006].")
+        int | None, typer.Option("--port", "-p", min=1, max=65535, help="Port to listen on (5006).")
     ] = None,
     address: Annotated[
         str | None,
-        typer.Option("--address", help="Address to listen on [localhost]; 0.0.0.0 is all of this machine's."),
+        typer.Option("--address", help="Address to listen on (localhost); 0.0.0.0 is all of this machine's."),
     ] = None,
     show: Annotated[bool, typer.Option("--show/--no-show", help="Open a browser.")] = False,
     allow_origin: Annotated[
@@ -37,7 +37,7 @@ def serve_command(
         bool, typer.Option("--settings", help="Print the settings, check them, and do not start.")
     ] = False,
 ) -> None:
-    """Start the dashboard; docs/deployment.md lists the environment variables that set it up."""
+    """Start the dashboard; --settings lists the environment variables that set it up."""
     from streamdash.observe.table import UploadLimit
     from streamdash.simulation.limits import Limits
 

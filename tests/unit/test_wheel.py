@@ -21,7 +21,7 @@ from pathlib import Path
 
 import pytest
 
-from streamdash import __version__
+from streamdash import Cache, __version__
 from tests.unit.sources import imported, shipped
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -105,6 +105,8 @@ def test_the_wheel_holds_one_package_and_the_shipped_simulations(wheel):
     shipped_files = {f"streamdash/shipped/{file}" for file in files if "/." not in file}
     assert len(shipped_files) > 100 and shipped_files <= set(names)
     assert {"streamdash/py.typed", "streamdash/shipped/app/main.py"} <= set(names)
+    read = {name for path in shipped() for name in re.findall(r'DOCS / "([^"]+)"', path.read_text("utf-8"))}
+    assert read and {f"streamdash/shipped/docs/{name}" for name in read} <= set(names)
     assert [name for name in names if "/." in name or "__pycache__" in name] == []
     assert [name for name in names if name.endswith("licenses/LICENSE")] != []
     assert wheel.stat().st_size < 80e6
@@ -124,7 +126,7 @@ def test_shipped_simulations_are_listed_and_intact(installed):
     entries = json.loads(installed.run("streamdash", "cache", "list", "--json"))
     assert {entry["state"] for entry in entries} == {"complete"}
     assert all(Path(entry["path"]).is_relative_to(installed.packages) for entry in entries)
-    checkout = {path.name for path in (ROOT / "cache").glob("*/*") if not path.name.startswith(".")}
+    checkout = {entry.path.name for entry in Cache((ROOT / "cache",)).entries()}
     assert {Path(entry["path"]).name for entry in entries} == checkout
     installed.run("streamdash", "cache", "verify")
 
