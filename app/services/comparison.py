@@ -11,7 +11,8 @@ from app.services.services import Services, Unavailable
 from app.session.catalog import Choice
 from app.session.session import Session
 from streamdash.config import EnsembleConfig
-from streamdash.statistics.evidence import Comparison, compare
+from streamdash.statistics.evidence import RULES, Comparison, compare
+from streamdash.survey.bands import noise_draws
 from streamdash.survey.sky import add_noise
 
 N_BIN_SHOWN = (5, 100)
@@ -28,9 +29,14 @@ def configs(session: Session) -> list[EnsembleConfig]:
     return [choice.config for choice in session.ensembles]
 
 
-def noisy_profiles(services: Services, choices: Sequence[Choice], noise: float) -> list[np.ndarray]:
-    """Qρ with shot noise of every class, (n_streams, n_longitudes)."""
-    return [add_noise(services.q_rho(choice), services.draws(choice), noise) for choice in choices]
+def noisy_profiles(
+    services: Services, choices: Sequence[Choice], noise: float, number: int = 0
+) -> list[np.ndarray]:
+    """Qρ with shot noise of every class, (n_streams, n_longitudes); `number` names another draw of it."""
+    if number == 0:
+        return [add_noise(services.q_rho(choice), services.draws(choice), noise) for choice in choices]
+    clean = [(choice.config, services.q_rho(choice)) for choice in choices]
+    return [add_noise(q, noise_draws(config, q.shape, number), noise) for config, q in clean]
 
 
 def shared_comparison(services: Services, session: Session) -> Comparison:
@@ -42,10 +48,10 @@ def shared_comparison(services: Services, session: Session) -> Comparison:
         When the classes cannot be compared, in one sentence.
     """
     choices, noise, n_bin = session.ensembles, session.noise, session.n_bin
-    measured = session.exclude == "measured"
+    rules = RULES[session.exclude]
 
     def compute() -> Comparison:
-        return compare(noisy_profiles(services, choices, noise), noise, n_bin, measured=measured)
+        return compare(noisy_profiles(services, choices, noise), noise, n_bin, rules)
 
     try:
         return services.shared(("comparison", n_bin, *choice_key(session)), compute)

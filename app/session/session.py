@@ -25,6 +25,7 @@ from app.pages.simulate.state import SimulateState
 from app.session.catalog import CLASSES_MAX, CLASSES_MIN, Catalog
 from app.session.fields import Field, integer, number, option
 from streamdash.plots.style import COORDINATE_LABELS
+from streamdash.statistics.evidence import RULES
 
 QUANTITIES = {"q_rho": "Qρ", "rho": "ρ", "omega": "⟨Ω∥⟩"}
 N_BIN = (2, 500)
@@ -39,7 +40,7 @@ FIELDS: dict[str, Field] = {
     "n_bin": integer(*N_BIN),
     "alpha": integer(0, N_BIN[1]),
     "fiducial": integer(0, CLASSES_MAX - 1),
-    "exclude": option("noise", "measured"),
+    "exclude": option(*RULES),
     "x": option(*COORDINATE_LABELS),
     "y": option(*QUANTITIES),
     "highlight": integer(0, HIGHLIGHTS_MAX),
@@ -70,9 +71,9 @@ class Session(LearnState, ObserveState, ConvergenceState, SimulateState):
     alpha = param.Integer(0, bounds=(0, N_BIN[1]), doc="bin of PDF(Qρ) looked into, from 1; 0: at Qρ = 1")
     fiducial = param.Integer(0, bounds=(0, CLASSES_MAX - 1), doc="model that data are assumed to come from")
     exclude = param.Selector(
-        default="noise",
-        objects=["noise", "measured"],
-        doc="width that limits the distance from the peak: σ_ε, or that of the lowest-mass PDF",
+        default="central",
+        objects=list(RULES),
+        doc="rules that say which bins of Qρ count in the evidence",
     )
     x = param.Selector(default="ell", objects=list(COORDINATE_LABELS), doc="coordinate along the stream")
     y = param.Selector(default="q_rho", objects=list(QUANTITIES), doc="quantity shown in profiles")

@@ -8,14 +8,14 @@ of this project are those read off the paper's words, whatever they give.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from streamdash.paper.evidence import NOISE, THREE_CLASSES, TWO_CLASSES, Sample
-from streamdash.statistics.evidence import PAPER_N_BINS, Rules, measure_evidence, measured_width
-from streamdash.statistics.pdf import Pdfs, common_range, measure_pdfs
+from streamdash.statistics.evidence import PAPER_N_BINS, PAPER_RULES, Rules, measure_evidence, measured_width
+from streamdash.statistics.pdf import Pdfs, central_range, common_range, measure_pdfs
 from streamdash.store.cache import Cache
 from streamdash.survey import sky
 
@@ -47,7 +47,7 @@ class Setting:
     profiles: list[np.ndarray]
     value_range: tuple[float, float] | None = None
     inside_only: bool = True
-    rules: Rules = field(default_factory=Rules)
+    rules: Rules = PAPER_RULES
     width: float | None = None
     average: Callable[..., np.ndarray] = np.median
     min_overlap: int = 0
@@ -153,12 +153,6 @@ def _widest(profiles: Sequence[np.ndarray]) -> tuple[float, float]:
     return min(float(q.min()) for q in profiles), max(float(q.max()) for q in profiles)
 
 
-def _central(profiles: Sequence[np.ndarray], share: float) -> tuple[float, float]:
-    tails = ((1 - share) / 2, (1 + share) / 2)
-    lows, highs = zip(*(np.quantile(q, tails) for q in profiles), strict=True)
-    return float(max(lows)), float(min(highs))
-
-
 def _overlap(pdfs: Pdfs) -> np.ndarray:
     """The smaller number of streams, of the two models, within the other's range of y, (n_bin,)."""
     first, second = pdfs.y
@@ -190,7 +184,7 @@ CHOICES: tuple[Choice, ...] = (
     Choice(
         RANGE, "where both models have values without noise", _with_range(lambda m: common_range(m.sample.q))
     ),
-    Choice(RANGE, "central 99.8 % of both models", _with_range(lambda m: _central(m.plain.profiles, 0.998))),
+    Choice(RANGE, "central 99.8 % of both models", _with_range(lambda m: central_range(m.plain.profiles))),
     Choice(RANGE, "0 to 2", _with_range(lambda m: (0.0, 2.0))),
     Choice(
         NORMALISATION,

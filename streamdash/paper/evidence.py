@@ -16,8 +16,9 @@ from streamdash.config import Perturbers, StreamModel, parse_mass_range
 from streamdash.engine.geometry import Geometry
 from streamdash.engine.impacts import expected_impacts
 from streamdash.statistics.cumulative import N_RESAMPLES, cumulative_tables, paper_value
-from streamdash.statistics.evidence import Rules, measure_evidence, measured_width
+from streamdash.statistics.evidence import PAPER_RULES, Rules, measured_evidence, measured_width
 from streamdash.statistics.evidence_growth import growth
+from streamdash.statistics.overlap import Y_BINS
 from streamdash.statistics.pdf import measure_pdfs
 from streamdash.store.cache import Cache, Entry, StoreError
 from streamdash.survey import sky
@@ -63,9 +64,15 @@ class Sample:
     q: tuple[np.ndarray, ...]
     draws: tuple[np.ndarray, ...]
 
-    def noisy(self, noise: float) -> list[np.ndarray]:
-        """Qρ of each model with shot noise σ_ε added."""
-        return [sky.add_noise(q, d, noise) for q, d in zip(self.q, self.draws, strict=True)]
+    def noisy(self, noise: float, number: int = 0) -> list[np.ndarray]:
+        """Qρ of each model with shot noise σ_ε added; `number` above 0 names another draw of it."""
+        draws = self.draws
+        if number:
+            draws = tuple(
+                noise_draws(entry.config, q.shape, number)
+                for entry, q in zip(self.entries, self.q, strict=True)
+            )
+        return [sky.add_noise(q, d, noise) for q, d in zip(self.q, draws, strict=True)]
 
     def only(self, labels: Sequence[str]) -> Sample:
         """The same with some of the models."""
@@ -139,8 +146,8 @@ def measure(sample: Sample, noise: float = NOISE, n_resamples: int = N_RESAMPLES
         "noise": noise,
         "n_longitudes": sample.q[0].shape[1],
         "longitudes_deg": [float(sample.edges[0]), float(sample.edges[-1])],
-        "rules": {"n_sigma": Rules.n_sigma, "min_streams": Rules.min_streams},
-        "y_bins": [min(Rules.y_bins), max(Rules.y_bins), len(Rules.y_bins)],
+        "rules": {"n_sigma": PAPER_RULES.n_sigma, "min_streams": PAPER_RULES.min_streams},
+        "y_bins": [min(Y_BINS), max(Y_BINS), len(Y_BINS)],
         "ensembles": [_ensemble_facts(sample, place) for place in range(len(sample.labels))],
         "two_classes": compare(sample.only((low, high)), noise, n_resamples),
         "three_classes": compare(sample.only(THREE_CLASSES), noise, n_resamples),
@@ -149,8 +156,18 @@ def measure(sample: Sample, noise: float = NOISE, n_resamples: int = N_RESAMPLES
 
 
 def compare(sample: Sample, noise: float, n_resamples: int) -> dict[str, Any]:
-    """Table 1 for these classes: every ordered pair and the paper's numbers of bins."""
-    tables = cumulative_tables(sample.noisy(noise), noise, n_resamples)
+    """Table 1 for these classes: every ordered pair and the paper's numbers of bins.
+
+    ``tables`` follow the paper's rules, ``central`` those that this project uses by default.
+    """
+
+    def redraw(number: int) -> list[np.ndarray]:
+        return sample.noisy(noise, number)
+
+    tables, ours = (
+        cumulative_tables(sample.noisy(noise), noise, n_resamples, rules=rules, redraw=redraw)
+        for rules in (PAPER_RULES, Rules())
+    )
     if sample.labels == TWO_CLASSES:
         for table in tables:
             for row in table["pairs"]:
@@ -158,6 +175,7 @@ def compare(sample: Sample, noise: float, n_resamples: int) -> dict[str, Any]:
     return {
         "labels": list(sample.labels),
         "tables": tables,
+        "central": ours,
         "growth": _growth_facts(sample, noise),
         "pdf": _pdf_facts(sample, noise),
     }
@@ -185,8 +203,7 @@ def _pdf_facts(sample: Sample, noise: float, n_bin: int = 20) -> list[dict[str, 
 
 def _growth_facts(sample: Sample, noise: float, n_bin: int = 20) -> dict[str, Any]:
     """Σ ln B from ever more streams, for the first pair of models in both directions."""
-    pdfs = measure_pdfs(sample.noisy(noise), n_bin)
-    evidence = measure_evidence(pdfs, noise)
+    pdfs, evidence = measured_evidence(sample.noisy(noise), noise, n_bin, PAPER_RULES)
     curves = []
     for i, j in ((0, 1), (1, 0)):
         curve = growth(pdfs, evidence, i, j)

@@ -206,5 +206,5 @@ def statistics_markdown(numbers: Mapping[str, Any]) -> str:
 
 
 def ln_b_text(value: float, n_unresolved: int) -> str:
-    """ln B as text; a lower limit where some components are told apart better than the streams can say."""
-    return f"{'≥ ' if n_unresolved else ''}{value:.1f}"
+    """ln B as text, with a star where not all components are resolved by the streams there are."""
+    return f"{value:.1f}{'*' if n_unresolved else ''}"

@@ -18,12 +18,14 @@ COLUMNS = (
     "method_error_16",
     "method_error_84",
     "sampling_error",
+    "draw_error",
+    "error",
     "word",
     "paper",
     "paper_word",
     "joint",
     "joint_word",
-    "joint_is_lower_limit",
+    "joint_is_resolved",
     "gaussian",
     "largest",
     "bins_kept",
@@ -47,12 +49,14 @@ def table_rows(results: dict[str, Any]) -> list[dict[str, Any]]:
                     pair["low"],
                     pair["high"],
                     pair["sampling_error"],
+                    pair["draw_error"],
+                    pair["error"],
                     pair["word"],
                     paper,
                     None if paper is None else jeffreys(paper),
                     pair["joint"],
                     pair["joint_word"],
-                    pair["n_unresolved"] > 0,
+                    pair["n_unresolved"] == 0,
                     pair["gaussian"],
                     pair["largest"],
                     pair["n_kept"],
@@ -86,7 +90,7 @@ def pairs_markdown(part: dict[str, Any], pairs: Sequence[tuple[int, int]]) -> st
     for i, j in pairs:
         rows = [next(p for p in t["pairs"] if (p["i"], p["j"]) == (i, j)) for t in part["tables"]]
         name = f"fiducial {part['labels'][i]}, against {part['labels'][j]}"
-        lines.append([f"Σ ln B, {name}", *(f"{r['sum']:.1f} ± {r['sampling_error']:.1f}" for r in rows)])
+        lines.append([f"Σ ln B, {name}", *(f"{r['sum']:.1f} ± {r['error']:.1f}" for r in rows)])
         if "paper" in rows[0]:
             lines.append(["the paper’s", *(f"{r['paper']:.1f}" for r in rows)])
         lines.append(["all bins together, correlations included", *(joint_text(r) for r in rows)])
@@ -94,7 +98,7 @@ def pairs_markdown(part: dict[str, Any], pairs: Sequence[tuple[int, int]]) -> st
 
 
 def joint_text(pair: dict[str, Any]) -> str:
-    """Evidence from all bins together, marked where it is only a lower limit."""
+    """Evidence from all bins together, marked where not all of its components are resolved."""
     if not pair["n_components"]:
         return "no overlap"
-    return f"{'≥ ' if pair['n_unresolved'] else ''}{pair['joint']:.1f}"
+    return f"{pair['joint']:.1f}{'*' if pair['n_unresolved'] else ''}"

@@ -23,7 +23,7 @@ from streamdash.plots.elements import (
 )
 from streamdash.plots.live import Backend, Columns, use
 from streamdash.plots.pdf import BINS, EXCLUDED, Q_LABEL, collect, frame
-from streamdash.statistics.evidence import Comparison, compare, jeffreys
+from streamdash.statistics.evidence import RULES, Comparison, compare, jeffreys
 from streamdash.statistics.evidence_growth import Growth
 from streamdash.store.cache import Cache
 
@@ -39,7 +39,7 @@ def evidence_figure(
     fiducial: int = 0,
     noise: float = 0.1,
     n_bin: int = 20,
-    measured: bool = False,
+    rules: str = "central",
     backend: Backend = "matplotlib",
 ) -> hv.Overlay:
     """ln B^{fid i}_ij of every bin α against each other model j (paper fig. 5).
@@ -56,15 +56,15 @@ def evidence_figure(
         Shot noise σ_ε per 0.2° bin.
     n_bin
         Number of bins in Qρ.
-    measured
-        Whether bins count within 3 measured widths of the lowest-mass PDF instead of 3 σ_ε.
+    rules
+        Which bins count: a name of `streamdash.statistics.evidence.RULES`.
     backend
         ``matplotlib`` for files, ``bokeh`` for the browser.
     """
     # Collect
     observed = [collect(cache, ensemble) for ensemble in ensembles]
     # Compute
-    comparison = compare([o.noisy(noise) for o in observed], noise, n_bin, measured=measured)
+    comparison = compare([o.noisy(noise) for o in observed], noise, n_bin, RULES[rules])
     # Plot
     return draw(comparison, fiducial, [o.config for o in observed], backend)
 
@@ -276,7 +276,7 @@ def growth_sentence(curves: Mapping[int, Growth], fiducial: int, n_bin: int) -> 
         )
     return (
         f"Fiducial M{fiducial}, {n_bin} bins of Qρ: {'; '.join(parts)}. Bars: scatter between separate sets "
-        "of as many streams. Here y is cut into 20 to 400 bins, so values differ slightly from the table."
+        "of as many streams. The last point is the sum in the table."
     )
 
 

@@ -11,7 +11,7 @@ from streamdash.naming import mass_text
 from streamdash.paper.evidence import NOISE, THREE_CLASSES, TWO_CLASSES, Sample
 from streamdash.plots import convergence, evidence, pdf, profiles, spectrum
 from streamdash.plots.live import use
-from streamdash.statistics.evidence import PAPER_N_BINS, Comparison, compare
+from streamdash.statistics.evidence import PAPER_N_BINS, PAPER_RULES, Comparison, compare
 from streamdash.store.cache import Cache, StoreError
 
 DPI = 150
@@ -93,7 +93,7 @@ def figure_4(cache: Cache, sample: Sample) -> hv.Layout:
     """Π(y_α|M) of all bins for N_bin = 20 (paper fig. 4)."""
     two = sample.only(TWO_CLASSES)
     configs = [entry.config for entry in two.entries]
-    comparison = compare(two.noisy(NOISE), NOISE, FIGURE_4_N_BIN)
+    comparison = compare(two.noisy(NOISE), NOISE, FIGURE_4_N_BIN, PAPER_RULES)
     panels = [
         pdf.draw_y(comparison, alpha, configs, "matplotlib", f"α = {alpha + 1}")
         for alpha in range(FIGURE_4_N_BIN)
@@ -148,7 +148,7 @@ def _densities(cache: Cache, sample: Sample, labels: Sequence[str]) -> hv.Layout
 
 def _comparisons(sample: Sample) -> list[tuple[int, Comparison]]:
     noisy = sample.noisy(NOISE)
-    return [(n_bin, compare(noisy, NOISE, n_bin)) for n_bin in PAPER_N_BINS]
+    return [(n_bin, compare(noisy, NOISE, n_bin, PAPER_RULES)) for n_bin in PAPER_N_BINS]
 
 
 def _layout(panels: Sequence[hv.Overlay], columns: int) -> hv.Layout:

@@ -24,7 +24,7 @@ from streamdash.plots.elements import (
 )
 from streamdash.plots.live import Backend, Columns, area_columns, use
 from streamdash.simulation.geometry import load_geometry
-from streamdash.statistics.evidence import Comparison, compare
+from streamdash.statistics.evidence import RULES, Comparison, compare
 from streamdash.statistics.pdf import y_distribution
 from streamdash.store.cache import Cache
 from streamdash.survey.bands import noise_draws
@@ -44,9 +44,10 @@ class Observed:
     q: np.ndarray
     draws: np.ndarray
 
-    def noisy(self, noise: float) -> np.ndarray:
-        """Qρ with shot noise σ_ε."""
-        return add_noise(self.q, self.draws, noise)
+    def noisy(self, noise: float, number: int = 0) -> np.ndarray:
+        """Qρ with shot noise σ_ε; `number` above 0 names another draw of it."""
+        draws = noise_draws(self.config, self.q.shape, number) if number else self.draws
+        return add_noise(self.q, draws, noise)
 
 
 def pdf_figure(
@@ -54,7 +55,7 @@ def pdf_figure(
     ensembles: Sequence[str | EnsembleConfig],
     noise: float = 0.1,
     n_bin: int = 20,
-    measured: bool = False,
+    rules: str = "central",
     backend: Backend = "matplotlib",
 ) -> hv.Overlay:
     """PDF(Qρ) of each class: median and 68 % band over streams, excluded bins grey (paper fig. 3).
@@ -69,15 +70,15 @@ def pdf_figure(
         Shot noise σ_ε per 0.2° bin.
     n_bin
         Number of bins in Qρ.
-    measured
-        Whether bins count within 3 measured widths of the lowest-mass PDF instead of 3 σ_ε.
+    rules
+        Which bins count: a name of `streamdash.statistics.evidence.RULES`.
     backend
         ``matplotlib`` for files, ``bokeh`` for the browser.
     """
     # Collect
     observed = [collect(cache, ensemble) for ensemble in ensembles]
     # Compute
-    comparison = compare([o.noisy(noise) for o in observed], noise, n_bin, measured=measured)
+    comparison = compare([o.noisy(noise) for o in observed], noise, n_bin, RULES[rules])
     # Plot
     return draw(comparison, [o.config for o in observed], backend)
 
@@ -88,6 +89,7 @@ def y_figure(
     q: float = 1.0,
     noise: float = 0.1,
     n_bin: int = 20,
+    rules: str = "central",
     backend: Backend = "matplotlib",
 ) -> hv.Overlay:
     """Π(y_α|M) of the bin α that holds the value ``q`` of Qρ (paper fig. 4).
@@ -97,7 +99,7 @@ def y_figure(
     # Collect
     observed = [collect(cache, ensemble) for ensemble in ensembles]
     # Compute
-    comparison = compare([o.noisy(noise) for o in observed], noise, n_bin)
+    comparison = compare([o.noisy(noise) for o in observed], noise, n_bin, RULES[rules])
     # Plot
     return draw_y(comparison, comparison.bin_at(q), [o.config for o in observed], backend)
 

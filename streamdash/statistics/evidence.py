@@ -16,13 +16,13 @@ What the paper leaves open is a documented argument here (`Rules`), and
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from streamdash.statistics.overlap import Y_BINS, overlap_integrals
-from streamdash.statistics.pdf import QUANTILES, Band, Pdfs, measure_pdfs
+from streamdash.statistics.pdf import QUANTILES, Band, Pdfs, central_range, common_range, measure_pdfs
 
 PAPER_N_BINS = (10, 20, 50, 100)
 """Numbers of bins of Qρ in the paper's table 1."""
@@ -34,13 +34,19 @@ JEFFREYS = ((1.0, "inconclusive"), (2.5, "weak"), (5.0, "moderate"), (np.inf, "s
 
 @dataclass(frozen=True)
 class Rules:
-    """Choices that the paper leaves open or leaves to the reader.
+    """Which bins α count, and how the integrals over y are taken; the paper leaves some of it open.
 
     Attributes
     ----------
-    n_sigma : float
-        Rule 1: bins α whose centre is farther than this many σ_ε from the peak of the
-        lowest-mass model's median PDF are left out (paper: 3).
+    span : {"central", "extremes"}
+        Range of Qρ that is cut into bins: the central 99.8 % of the values of both models, or, as in
+        the paper, all between the most extreme values that both have, which hangs on the draw of the
+        noise.
+    n_sigma : float, optional
+        Rule 1: bins α whose centre is farther than this many widths from the peak of the
+        lowest-mass model's median PDF are left out (paper: 3). None: no bin is too far.
+    width : {"noise", "measured"}
+        The width in rule 1: σ_ε, as in the paper, or the measured width of the lowest-mass PDF.
     min_streams : int
         Rule 2: bins α that fewer than this many streams of a model reach (y_α > 0) are left
         out of every comparison with that model: Π(y_α|M) would be little but one bin at 0.
@@ -59,13 +65,35 @@ class Rules:
         Rule 1 asks that the centre of a bin α, the whole bin or any part of it lie within reach.
     """
 
-    n_sigma: float = 3.0
+    span: Literal["central", "extremes"] = "central"
+    n_sigma: float | None = None
+    width: Literal["noise", "measured"] = "noise"
     min_streams: int = 10
     y_bins: tuple[int, ...] = Y_BINS
     self_pairs: bool = True
     trapezoid: bool = True
     from_zero: bool = False
     reach: Literal["centre", "whole", "part"] = "centre"
+
+    def value_range(self, profiles: Sequence[np.ndarray]) -> tuple[float, float]:
+        """Range of Qρ to cut into bins.
+
+        Raises
+        ------
+        ValueError
+            If the models have no range in common.
+        """
+        if self.span == "central":
+            low, high = central_range(profiles)
+            if low < high:
+                return low, high
+        return common_range(profiles)
+
+
+PAPER_RULES = Rules(span="extremes", n_sigma=3.0)
+"""The paper's rules: all of the range that both models have, bins within 3 σ_ε of the low-mass peak."""
+RULES = {"central": Rules(), "noise": PAPER_RULES, "measured": replace(PAPER_RULES, width="measured")}
+"""Rules by name: the default, the paper's, and the paper's with the PDF's own width."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +172,7 @@ class Evidence:
     def cumulative(self, f: int, i: int, j: int) -> Cumulative:
         """Σ_α ln B^{fid f}_ij over the bins that are kept (paper table 1).
 
-        An upper limit in the paper's words: correlations between bins α are ignored.
+        Correlations between bins α are ignored; the paper calls the sum an upper limit for that.
         """
         kept = self.kept(f, i, j)
         if not kept.any():
@@ -228,7 +256,6 @@ def compare(
     noise: float,
     n_bin: int,
     rules: Rules | None = None,
-    measured: bool = False,
 ) -> Comparison:
     """PDFs, bands and Bayes factors of noisy profiles: all that one slider position shows.
 
@@ -241,18 +268,28 @@ def compare(
     n_bin : int
         Number of bins in Qρ.
     rules : Rules, optional
-    measured : bool
-        Whether rule 1 takes the measured width of the lowest-mass PDF instead of σ_ε.
     """
-    pdfs = measure_pdfs(profiles, n_bin)
-    width = measured_width(profiles[0]) if measured else None
+    pdfs, evidence = measured_evidence(profiles, noise, n_bin, rules)
     return Comparison(
         noise,
         pdfs.edges,
         tuple(pdfs.band(m) for m in range(pdfs.n_models)),
         tuple(y.astype(np.float32) for y in pdfs.sorted_y),
-        measure_evidence(pdfs, noise, rules, width=width),
+        evidence,
     )
+
+
+def measured_evidence(
+    profiles: Sequence[np.ndarray], noise: float, n_bin: int, rules: Rules | None = None
+) -> tuple[Pdfs, Evidence]:
+    """PDFs and Bayes factors of noisy profiles, bins and exclusions by the same rules.
+
+    Parameters are those of `compare`.
+    """
+    rules = rules or Rules()
+    pdfs = measure_pdfs(profiles, n_bin, rules.value_range(profiles))
+    width = measured_width(profiles[0]) if rules.width == "measured" else None
+    return pdfs, measure_evidence(pdfs, noise, rules, width=width)
 
 
 def jeffreys(ln_bayes: float) -> str:
@@ -297,12 +334,14 @@ def measure_evidence(
     rules = rules or Rules()
     if pdfs.n_models < 2:
         raise ValueError("Evidence compares models: choose at least two mass ranges.")
-    distance = rules.n_sigma * (noise if width is None else width)
+    far = np.zeros(pdfs.n_bin, dtype=bool)
+    if rules.n_sigma is not None:
+        far = far_from_peak(pdfs, rules.n_sigma * (noise if width is None else width), low_mass, rules.reach)
     return Evidence(
         integrals=overlap_integrals(
             pdfs.sorted_y, rules.y_bins, rules.self_pairs, rules.trapezoid, rules.from_zero
         ),
-        far=far_from_peak(pdfs, distance, low_mass, rules.reach),
+        far=far,
         sparse=np.array([pdfs.occupied(m) < rules.min_streams for m in range(pdfs.n_models)]),
     )
 

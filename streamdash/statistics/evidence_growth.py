@@ -14,11 +14,11 @@ import numpy as np
 from numba import njit
 
 from streamdash.statistics.evidence import Evidence
-from streamdash.statistics.overlap import overlap_integrals, overlap_sum
+from streamdash.statistics.overlap import Y_BINS, overlap_integrals, overlap_sum
 from streamdash.statistics.pdf import Pdfs
 
 CHECK_Y_BINS = (20, 50, 100, 200, 400)
-"""Numbers of bins in y used in the checks, which cost many evaluations."""
+"""Numbers of bins in y of the resamplings, which cost many evaluations."""
 N_RESAMPLES = 100
 """Resamplings of the streams: they give a standard error to within about 7 %."""
 MAX_BLOCKS = 8
@@ -109,7 +109,7 @@ def growth(
     i: int,
     j: int,
     sizes: Sequence[int] | None = None,
-    y_bins: Sequence[int] = CHECK_Y_BINS,
+    y_bins: Sequence[int] = Y_BINS,
 ) -> Growth:
     """Σ ln B^{fid i}_ij from ever more streams: has it converged?
 

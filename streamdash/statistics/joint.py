@@ -52,8 +52,8 @@ class JointEvidence:
         Number of components in the sum; 0 means that nothing could be compared.
     n_unresolved : int
         Components in which the two distributions share no bin when bins are narrow: taken from the
-        numbers of bins at which they do, or left out if there is none. They tell the models apart
-        better than the simulations can say, so that with any of them `value` is a lower limit.
+        numbers of bins at which they do, or left out if there is none. With any of them `value` depends
+        on the noise draw by more than its error says; it is no limit in either direction.
     """
 
     value: float
@@ -88,7 +88,8 @@ def joint_evidence(
     (JointEvidence, JointEvidence)
         ln B_ij for fiducial i, and ln B_ji for fiducial j.
     """
-    z_i, z_j = decorrelated_components(y_i[:, kept], y_j[:, kept])
+    transform = decorrelate(y_i[:, kept], y_j[:, kept])
+    z_i, z_j = transform(y_i[:, kept]), transform(y_j[:, kept])
     if z_i.shape[1] == 0:
         nothing = JointEvidence(0.0, 0.0, 0.0, 0.0, 0, 0)
         return nothing, nothing
@@ -102,8 +103,27 @@ def joint_evidence(
     )
 
 
-def decorrelated_components(y_i: np.ndarray, y_j: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Linear components of two samples that are uncorrelated within each of them.
+@dataclass(frozen=True)
+class Decorrelation:
+    """A linear change of variables in which two samples are uncorrelated, each within itself.
+
+    Attributes
+    ----------
+    middle : ndarray (n_bin,)
+        Midway between the two means.
+    matrix : ndarray (n_bin, n_components)
+    """
+
+    middle: np.ndarray
+    matrix: np.ndarray
+
+    def __call__(self, y: np.ndarray) -> np.ndarray:
+        """Components (n_streams, n_components) of densities (n_streams, n_bin)."""
+        return (y - self.middle) @ self.matrix
+
+
+def decorrelate(y_i: np.ndarray, y_j: np.ndarray) -> Decorrelation:
+    """The change of variables after which two samples are uncorrelated within each of them.
 
     Parameters
     ----------
@@ -111,13 +131,16 @@ def decorrelated_components(y_i: np.ndarray, y_j: np.ndarray) -> tuple[np.ndarra
 
     Returns
     -------
-    z_i, z_j : ndarray (n_streams_i, n_components), (n_streams_j, n_components)
-        The mean of the two covariance matrices is the unit matrix and each is diagonal. There
-        are fewer components than bins where bins are linear functions of others, as they are
-        when the kept bins hold all the probability.
+    Decorrelation
+        Of the components that it gives, the mean of the two covariance matrices is the unit matrix
+        and each is diagonal. There are fewer components than bins where bins are linear functions of
+        others, as they are when the bins hold all the probability.
     """
-    if y_i.shape[1] == 0 or min(len(y_i), len(y_j)) < 2:
-        return y_i[:, :0], y_j[:, :0]
+    n_bin = y_i.shape[1]
+    middle = 0.5 * (y_i.mean(axis=0) + y_j.mean(axis=0)) if n_bin else np.zeros(0)
+    matrix = np.zeros((n_bin, 0))
+    if n_bin == 0 or min(len(y_i), len(y_j)) < 2:
+        return Decorrelation(middle, matrix)
     c_i, c_j = (np.atleast_2d(np.cov(y, rowvar=False)) for y in (y_i, y_j))
     # Bins differ in scale by orders of magnitude: rank is judged on unit variances.
     scale = np.sqrt(0.5 * (np.diag(c_i) + np.diag(c_j)))
@@ -126,10 +149,11 @@ def decorrelated_components(y_i: np.ndarray, y_j: np.ndarray) -> tuple[np.ndarra
     c_i, c_j = (c[np.ix_(usable, usable)] / np.outer(scale, scale) for c in (c_i, c_j))
     power, axes = np.linalg.eigh(0.5 * (c_i + c_j))
     full = power > RANK_TOLERANCE * power.max(initial=0.0)
-    whiten = axes[:, full] / np.sqrt(power[full]) / scale[:, None]
-    _, rotate = np.linalg.eigh((whiten * scale[:, None]).T @ c_i @ (whiten * scale[:, None]))
-    middle = 0.5 * (y_i[:, usable].mean(axis=0) + y_j[:, usable].mean(axis=0))
-    return tuple((y[:, usable] - middle) @ whiten @ rotate for y in (y_i, y_j))
+    whiten = axes[:, full] / np.sqrt(power[full])
+    _, rotate = np.linalg.eigh(whiten.T @ c_i @ whiten)
+    matrix = np.zeros((n_bin, int(full.sum())))
+    matrix[usable] = (whiten / scale[:, None]) @ rotate
+    return Decorrelation(middle, matrix)
 
 
 def gaussian_ln_bayes(z_i: np.ndarray, z_j: np.ndarray) -> float:
@@ -138,7 +162,7 @@ def gaussian_ln_bayes(z_i: np.ndarray, z_j: np.ndarray) -> float:
     Parameters
     ----------
     z_i, z_j : ndarray (n_streams_i, n_components), (n_streams_j, n_components)
-        From `decorrelated_components`.
+        From `decorrelate`.
 
     Returns
     -------

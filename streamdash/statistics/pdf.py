@@ -21,6 +21,8 @@ from numba import njit
 
 QUANTILES = (0.16, 0.5, 0.84)
 """Lower edge, middle and upper edge of a band: 68 % of the streams around the median."""
+CENTRAL = 0.998
+"""Share of every model's values that the default range of Qρ holds."""
 N_BIN_MIN, N_BIN_MAX = 2, 500
 """Fewest and most bins of Qρ (and of y) that are accepted."""
 
@@ -108,6 +110,30 @@ def common_range(profiles: Sequence[np.ndarray]) -> tuple[float, float]:
             "they are told apart without a PDF."
         )
     return (low - 0.5, high + 0.5) if low == high else (low, high)
+
+
+def central_range(profiles: Sequence[np.ndarray], share: float = CENTRAL) -> tuple[float, float]:
+    """Range of Qρ that holds the central `share` of the values of every model.
+
+    The largest of the models' lower ends and the smallest of their upper ends. Unlike `common_range`
+    it does not hang on the two most extreme values, and so hardly on the draw of the noise. The ends
+    are in falling order where the models' central ranges do not overlap.
+
+    Raises
+    ------
+    ValueError
+        If there is no model, or a model has no finite value.
+    """
+    if not len(profiles):
+        raise ValueError("PDF(Qρ) needs the profiles of at least one model.")
+    ends = []
+    for number, q in enumerate(profiles):
+        finite = _finite(q)
+        if finite.size == 0:
+            raise ValueError(f"Model M{number} has no finite Qρ value, so PDF(Qρ) has no range.")
+        ends.append(np.quantile(finite, ((1 - share) / 2, (1 + share) / 2)))
+    lows, highs = zip(*ends, strict=True)
+    return float(max(lows)), float(min(highs))
 
 
 def bin_edges(value_range: tuple[float, float], n_bin: int) -> np.ndarray:

@@ -167,12 +167,13 @@ def bin_angles(dataset: xr.Dataset, config: EnsembleConfig) -> Binned:
     return Binned(config, "q_rho", none, edges, none, values, np.zeros_like(values), ones, ones)
 
 
-def noise_draws(config: EnsembleConfig, shape: tuple[int, int]) -> np.ndarray:
+def noise_draws(config: EnsembleConfig, shape: tuple[int, int], number: int = 0) -> np.ndarray:
     """The fixed standard-normal draws of an ensemble, (n_streams, n_bin) float32.
 
-    The seed is the ensemble's key, so that no two ensembles share their noise.
+    The seed is the ensemble's key, so that no two ensembles share their noise; `number` above 0 names
+    another draw.
     """
-    return shot_noise(shape, int(config.key, 16))
+    return shot_noise(shape, int(config.key, 16) + number)
 
 
 # ---------------------------------------------------------------- compute

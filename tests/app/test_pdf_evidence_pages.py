@@ -15,7 +15,7 @@ from app.services.comparison import noisy_profiles
 from streamdash.plots import evidence, pdf
 from streamdash.statistics.cumulative import cumulative_tables
 from streamdash.statistics.evidence import PAPER_TABLE_1, compare
-from streamdash.statistics.pdf import measure_pdfs
+from streamdash.statistics.pdf import central_range, measure_pdfs
 
 PDF = "?page=pdf&mass=1e3-1e5,1e5-1e9"
 EVIDENCE = "?page=evidence&mass=1e3-1e5,1e5-1e9"
@@ -29,7 +29,8 @@ def data(live, label: str) -> dict[str, np.ndarray]:
 
 def test_pdf_page_shows_the_quantiles_of_the_noisy_streams(open_shell, services):
     shell = open_shell(f"{PDF}&noise=0.2&n_bin=30")
-    pdfs = measure_pdfs(noisy_profiles(services, shell.session.ensembles, 0.2), 30)
+    profiles = noisy_profiles(services, shell.session.ensembles, 0.2)
+    pdfs = measure_pdfs(profiles, 30, central_range(profiles))
     for model in range(2):
         median = np.median(pdfs.y[model], axis=0)
         np.testing.assert_allclose(data(shell.page.live, f"median {model}")["y"], np.repeat(median, 2))
@@ -113,8 +114,14 @@ def test_evidence_page_shows_ln_b_of_the_chosen_fiducial(open_shell, services):
     assert "10⁵–10⁹" in shell.page.card._sentence.text.split(":")[0]
 
 
-def test_excluded_bins_are_grey_and_not_in_the_sum(open_shell):
+def test_by_default_every_bin_of_the_central_range_counts(open_shell):
     shell = open_shell(EVIDENCE)
+    assert shell.page.data.evidence.kept(0, 0, 1).all()
+    assert len(data(shell.page.live, evidence.EXCLUDED)["x0"]) == 0
+
+
+def test_excluded_bins_are_grey_and_not_in_the_sum(open_shell):
+    shell = open_shell(f"{EVIDENCE}&exclude=noise")
     spans = data(shell.page.live, evidence.EXCLUDED)
     grey = np.zeros(20, dtype=bool)
     for left, right in zip(spans["x0"], spans["x1"], strict=True):
@@ -129,10 +136,15 @@ def test_table_has_the_papers_numbers_beside_ours(open_shell, services):
     for row in PAPER_TABLE_1.values():
         for value in row:
             assert f"<td>{value:.1f}<small>" in html
-    tables = cumulative_tables(noisy_profiles(services, shell.session.ensembles, 0.1), 0.1)
+
+    def redraw(number):
+        return noisy_profiles(services, shell.session.ensembles, 0.1, number)
+
+    tables = cumulative_tables(redraw(0), 0.1, redraw=redraw)
     for table in tables:
         for pair in table["pairs"]:
-            assert f"<td>{pair['sum']:.1f} ± {pair['sampling_error']:.1f}<small>" in html
+            assert f"<td>{pair['sum']:.1f} ± {pair['error']:.1f}<small>" in html
+            assert f"<td>{100 * pair['right']:.1f} %<small>" in html
     for word in ("strong evidence", "moderate evidence", "weak evidence"):
         assert word in html
 

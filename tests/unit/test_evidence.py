@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from streamdash.statistics.evidence import (
+    PAPER_RULES,
     Evidence,
     Rules,
     far_from_peak,
@@ -14,7 +15,7 @@ from streamdash.statistics.evidence import (
     measured_width,
 )
 from streamdash.statistics.evidence_growth import bootstrap, growth
-from streamdash.statistics.joint import decorrelated_components, joint_evidence
+from streamdash.statistics.joint import decorrelate, joint_evidence
 from streamdash.statistics.overlap import overlap_integrals
 from streamdash.statistics.pdf import Pdfs, measure_pdfs
 
@@ -152,8 +153,8 @@ def test_order_of_streams_does_not_matter(rng):
 def test_order_of_classes_only_renames_them(rng):
     q = toy_profiles(rng)
     order = [2, 0, 1]  # new place k holds old model order[k]
-    first = measure_evidence(measure_pdfs(q, 30), 0.1)
-    second = measure_evidence(measure_pdfs([q[k] for k in order], 30), 0.1, low_mass=1)
+    first = measure_evidence(measure_pdfs(q, 30), 0.1, PAPER_RULES)
+    second = measure_evidence(measure_pdfs([q[k] for k in order], 30), 0.1, PAPER_RULES, low_mass=1)
     np.testing.assert_array_equal(first.far, second.far)
     for new_i, i in enumerate(order):
         for new_j, j in enumerate(order):
@@ -173,7 +174,7 @@ def test_swapping_the_pair_on_one_fiducial_changes_the_sign(rng):
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_no_noise_and_huge_noise(rng, noise):
     q = toy_profiles(rng, noise=noise)
-    evidence = measure_evidence(measure_pdfs(q, 20), noise)
+    evidence = measure_evidence(measure_pdfs(q, 20), noise, PAPER_RULES)
     values = [evidence.cumulative(i, i, j).value for i in range(3) for j in range(3)]
     assert np.isfinite(values).all()
     if noise == 0.0:  # 3 σ_ε is no distance: only the peak is left
@@ -320,7 +321,8 @@ def test_joint_evidence_does_not_feel_a_linear_change_of_variables(rng):
 
 def test_components_are_uncorrelated_in_both_models(rng):
     y_i, y_j, _ = correlated_gaussians(rng, 6, 1000, 0.8)
-    for z in decorrelated_components(y_i, y_j):
+    transform = decorrelate(y_i, y_j)
+    for z in (transform(y_i), transform(y_j)):
         c = np.cov(z, rowvar=False)
         np.testing.assert_allclose(c, np.diag(np.diag(c)), atol=1e-8)
 

@@ -18,8 +18,7 @@ from streamdash.paper.choices import CHOICES, measure_choices
 from streamdash.paper.differences import NOTES, differences
 from streamdash.paper.evidence import THREE_CLASSES, TWO_CLASSES, find_entries, load_sample, measure
 from streamdash.paper.tables import table_csv, table_markdown, table_rows
-from streamdash.statistics.evidence import PAPER_N_BINS, PAPER_TABLE_1, measure_evidence
-from streamdash.statistics.pdf import measure_pdfs
+from streamdash.statistics.evidence import PAPER_N_BINS, PAPER_RULES, PAPER_TABLE_1, measured_evidence
 from streamdash.store.cache import Cache, StoreError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -52,7 +51,7 @@ def run(capsys, *arguments: str) -> tuple[int, str, str]:
 def test_numbers_are_those_of_the_library(sample, results):
     noisy = sample.only(TWO_CLASSES).noisy(0.1)
     for table in results["two_classes"]["tables"]:
-        evidence = measure_evidence(measure_pdfs(noisy, table["n_bin"]), 0.1)
+        evidence = measured_evidence(noisy, 0.1, table["n_bin"], PAPER_RULES)[1]
         for pair in table["pairs"]:
             total = evidence.cumulative(pair["i"], pair["i"], pair["j"])
             assert pair["sum"] == total.value

@@ -26,13 +26,12 @@ from streamdash.plots import cumulative, evidence
 from streamdash.plots.live import LiveFigure, export
 from streamdash.plots.pdf import frame
 from streamdash.statistics.cumulative import cumulative_tables
-from streamdash.statistics.evidence import measure_evidence, measured_width
+from streamdash.statistics.evidence import RULES, measured_evidence
 from streamdash.statistics.evidence_growth import Growth, growth
-from streamdash.statistics.pdf import measure_pdfs
 
 LEGEND = (
     ("dots", "ln B against that class; bars: spread over 10–500 bins of y"),
-    ("grey", "excluded: far from the peak, or too few samples"),
+    ("grey", "excluded: too few samples, or, by the paper’s rule, far from the peak"),
     ("dashes", "|ln B| = 1, 2.5, 5: weak, moderate, strong"),
 )
 WAITING = "Computing …"
@@ -116,7 +115,7 @@ class EvidencePage(Page):
             f"{code_head(session, 'evidence', 'evidence_figure')}"
             "figure = evidence_figure(\n"
             f"    Cache.default(), ensembles, fiducial={self.fiducial}, "
-            f"noise={session.noise:g}, n_bin={session.n_bin}{self._measured_argument()}\n"
+            f'noise={session.noise:g}, n_bin={session.n_bin}, rules="{session.exclude}"\n'
             ")\n"
             'Path("evidence.png").write_bytes(export(figure, "png"))\n'
         )
@@ -126,8 +125,12 @@ class EvidencePage(Page):
         session = self.session
         return (
             f"{_code_profiles(session)}"
-            "from streamdash.statistics.cumulative import cumulative_tables\n\n"
-            f"for table in cumulative_tables(profiles, noise={session.noise:g}{self._measured_argument()}):\n"
+            "from streamdash.statistics.cumulative import cumulative_tables\n"
+            "from streamdash.statistics.evidence import RULES\n\n"
+            "tables = cumulative_tables(\n"
+            f'    profiles, noise={session.noise:g}, rules=RULES["{session.exclude}"], redraw=redraw\n'
+            ")\n"
+            "for table in tables:\n"
             '    for pair in table["pairs"]:\n'
             '        print(table["n_bin"], pair["i"], pair["j"], pair["sum"], pair["joint"], pair["word"])\n'
         )
@@ -137,11 +140,10 @@ class EvidencePage(Page):
         session, others = self.session, evidence.others(self.data, self.fiducial)
         return (
             f"{_code_profiles(session)}"
-            "from streamdash.statistics.evidence import measure_evidence\n"
-            "from streamdash.statistics.evidence_growth import growth\n"
-            "from streamdash.statistics.pdf import measure_pdfs\n\n"
-            f"pdfs = measure_pdfs(profiles, n_bin={session.n_bin})\n"
-            f"evidence = measure_evidence(pdfs, noise={session.noise:g})\n"
+            "from streamdash.statistics.evidence import RULES, measured_evidence\n"
+            "from streamdash.statistics.evidence_growth import growth\n\n"
+            f'rules = RULES["{session.exclude}"]\n'
+            f"pdfs, evidence = measured_evidence(profiles, {session.noise:g}, {session.n_bin}, rules)\n"
             f"for j in {others}:\n"
             f"    print(growth(pdfs, evidence, {self.fiducial}, j))\n"
         )
@@ -151,14 +153,14 @@ class EvidencePage(Page):
     def _controls(self) -> Viewable:
         fiducials = {f"M{i}": i for i in range(len(self.session.ensembles))}
         self.session.fiducial = self.fiducial
-        widths = {"σ_ε (paper)": "noise", "PDF’s own width": "measured"}
+        rules = {"central 99.8 %": "central", "paper: 3 σ_ε": "noise", "3 own widths": "measured"}
         return ui.controls(
             ui.stream_picker(self),
             ui.ensemble_picker(self),
             ui.noise_slider(self),
             ui.int_slider(self, "n_bin", "Bins of Qρ, N_bin", *N_BIN_SHOWN),
             ui.toggle(self, "fiducial", "Fiducial model", fiducials),
-            ui.toggle(self, "exclude", "Bins count within 3 times", widths),
+            ui.toggle(self, "exclude", "Bins of Qρ that count", rules),
         )
 
     def _make_cards(self) -> None:
@@ -181,7 +183,7 @@ class EvidencePage(Page):
             code=self.code_table,
             legend=ui.legend(
                 (
-                    ("line", "sum over bins, ± scatter over streams (bootstrap)"),
+                    ("line", "sum over bins, ± its error"),
                     ("dashes", "all bins together, correlations included"),
                     *((("none", "×  paper, table 1"),) if self.is_paper else ()),
                 ),
@@ -209,21 +211,25 @@ class EvidencePage(Page):
         """Have the table and the growth computed once the controls rest."""
         session, services = self.session, self.services
         choices, noise, n_bin, fiducial = session.ensembles, session.noise, session.n_bin, self.fiducial
-        measured = session.exclude == "measured"
+        rules = RULES[session.exclude]
         key = choice_key(session)
 
         def make_tables() -> list[dict[str, Any]]:
             profiles = noisy_profiles(services, choices, noise)
             return services.shared(
-                ("cumulative", *key), lambda: cumulative_tables(profiles, noise, measured=measured)
+                ("cumulative", *key),
+                lambda: cumulative_tables(
+                    profiles,
+                    noise,
+                    rules=rules,
+                    redraw=lambda number: noisy_profiles(services, choices, noise, number),
+                ),
             )
 
         def make_curves() -> dict[int, Growth]:
             def compute() -> dict[int, Growth]:
                 profiles = noisy_profiles(services, choices, noise)
-                pdfs = measure_pdfs(profiles, n_bin)
-                width = measured_width(profiles[0]) if measured else None
-                found = measure_evidence(pdfs, noise, width=width)
+                pdfs, found = measured_evidence(profiles, noise, n_bin, rules)
                 rivals = [j for j in range(pdfs.n_models) if j != fiducial]
                 return {j: growth(pdfs, found, fiducial, j) for j in rivals}
 
@@ -283,9 +289,6 @@ class EvidencePage(Page):
     def _cumulative(self, backend: Any) -> Any:
         return cumulative.draw(self.tables, self.fiducial, backend, paper=self.is_paper)
 
-    def _measured_argument(self) -> str:
-        return ", measured=True" if self.session.exclude == "measured" else ""
-
 
 def _differences() -> list[Viewable]:
     """The text that `streamdash reproduce --text` wrote, where this checkout has it."""
@@ -302,5 +305,8 @@ def _code_profiles(session: Any) -> str:
         "from streamdash.plots.pdf import collect\n"
         "from streamdash.store.cache import Cache\n\n"
         f"ensembles = [\n{ensembles}\n]\n"
-        f"profiles = [collect(Cache.default(), key).noisy({session.noise:g}) for key in ensembles]\n\n"
+        "observed = [collect(Cache.default(), key) for key in ensembles]\n\n\n"
+        "def redraw(number):\n"
+        f"    return [one.noisy({session.noise:g}, number) for one in observed]\n\n\n"
+        "profiles = redraw(0)\n"
     )

@@ -67,8 +67,12 @@ def _body(tables: Sequence[dict], configs: Sequence[EnsembleConfig], i: int, j: 
     title = f"Truth {_name(i, configs)}, against {_name(j, configs)}"
     lines = [
         f"<tr><th colspan='{len(tables) + 1}'>{title}</th></tr>",
-        _line("Sum over bins<small>upper limit, as in the paper</small>", [_sum(pair) for pair in pairs]),
+        _line("Sum over bins<small>the paper’s figure of merit</small>", [_sum(pair) for pair in pairs]),
         _line("All bins together<small>correlations included</small>", [_joint(pair) for pair in pairs]),
+        _line(
+            "Held-out streams put right<small>68 % interval; ln likelihood ratio</small>",
+            [_held_out(pair) for pair in pairs],
+        ),
     ]
     if paper:
         values = [paper_value(i, j, table["n_bin"]) for table in tables]
@@ -84,14 +88,22 @@ def _body(tables: Sequence[dict], configs: Sequence[EnsembleConfig], i: int, j: 
 def _sum(pair: dict[str, Any]) -> str:
     if not pair["n_kept"]:
         return "–<small>no bin can be compared</small>"
-    return f"{pair['sum']:.1f} ± {pair['sampling_error']:.1f}<small>{words(pair['sum'])}</small>"
+    return f"{pair['sum']:.1f} ± {pair['error']:.1f}<small>{words(pair['sum'])}</small>"
 
 
 def _joint(pair: dict[str, Any]) -> str:
     if not pair["n_components"]:
         return "–<small>no overlap</small>" if pair["n_unresolved"] else "–"
-    sign = "≥ " if pair["n_unresolved"] else ""
-    return f"{sign}{pair['joint']:.1f}<small>{words(pair['joint'])}</small>"
+    mark = "<small>not all resolved</small>" if pair["n_unresolved"] else ""
+    return f"{pair['joint']:.1f}<small>{words(pair['joint'])}</small>{mark}"
+
+
+def _held_out(pair: dict[str, Any]) -> str:
+    low, high = 100 * pair["right_low"], 100 * pair["right_high"]
+    return (
+        f"{100 * pair['right']:.1f} %<small>{low:.1f} to {high:.1f} %</small>"
+        f"<small>ln ratio {pair['ln_ratio']:.1f}</small>"
+    )
 
 
 def _line(name: str, cells: Sequence[str]) -> str:

@@ -280,8 +280,7 @@ class EvidenceStep(Step):
         return (
             "pdf",
             "pdf_figure",
-            f", ensembles, noise={session.noise:g}, n_bin={session.n_bin}, "
-            f"measured={session.exclude == 'measured'}",
+            f', ensembles, noise={session.noise:g}, n_bin={session.n_bin}, rules="{session.exclude}"',
         )
 
     def links(self) -> list[Link]:

@@ -92,7 +92,7 @@ class PdfPage(Page):
             f"{code_head(session, 'pdf', 'pdf_figure')}"
             "figure = pdf_figure(\n"
             f"    Cache.default(), ensembles, noise={session.noise:g}, n_bin={session.n_bin}, "
-            f"measured={session.exclude == 'measured'}\n"
+            f'rules="{session.exclude}"\n'
             ")\n"
             'Path("pdf.png").write_bytes(export(figure, "png"))\n'
         )
@@ -104,7 +104,7 @@ class PdfPage(Page):
             f"{code_head(session, 'pdf', 'y_figure')}"
             "figure = y_figure(\n"
             f"    Cache.default(), ensembles, q={self.data.centers[self.selected]:.6g}, "
-            f"noise={session.noise:g}, n_bin={session.n_bin}\n"
+            f'noise={session.noise:g}, n_bin={session.n_bin}, rules="{session.exclude}"\n'
             ")\n"
             'Path("pdf-bin.png").write_bytes(export(figure, "png"))\n'
         )
