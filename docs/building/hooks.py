@@ -107,8 +107,9 @@ def on_page_content(content: str, **_: Any) -> str:
     """Turn the equations that Arithmatex marked into MathML, which browsers draw by themselves."""
 
     def mathml(match: re.Match[str]) -> str:
-        display = "block" if match["open"] == r"\[" else "inline"
-        return convert(html.unescape(match["latex"]).strip(), display=display)
+        block = match["open"] == r"\["
+        equation = convert(html.unescape(match["latex"]).strip(), display="block" if block else "inline")
+        return f'<div style="overflow-x: auto" tabindex="0">{equation}</div>' if block else equation
 
     pattern = r'<(?P<tag>span|div) class="arithmatex">(?P<open>\\[(\[])(?P<latex>.*?)\\[)\]]</(?P=tag)>'
     return re.sub(pattern, mathml, content, flags=re.DOTALL)
