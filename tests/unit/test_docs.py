@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import importlib
+import importlib.util
 import os
 import re
 import subprocess
@@ -65,6 +66,34 @@ def test_picture_and_reference_come_from_the_code(site):
         assert f"streamdash.{part}." in reference
     for command in app.registered_commands:
         assert f"streamdash {command.name}" in reference
+
+
+@pytest.fixture(scope="module")
+def architecture():
+    """The module that draws the parts; it stands outside the packages."""
+    place = importlib.util.spec_from_file_location("building", ROOT / "docs" / "building" / "architecture.py")
+    module = sys.modules["building"] = importlib.util.module_from_spec(place)
+    place.loader.exec_module(module)
+    return module
+
+
+def test_each_part_stands_below_all_that_it_imports(architecture):
+    parts = architecture.read_parts()
+    row = architecture.rows(parts)
+    middle = architecture.places(parts)
+    for part, imported in parts.imports.items():
+        assert all(row[other] < row[part] and middle[other][1] < middle[part][1] for other in imported)
+    assert "app" in parts.imports and all("app" not in imported for imported in parts.imports.values())
+
+
+def test_an_arrow_that_others_imply_is_left_out_and_a_circle_is_named(architecture):
+    def parts(**imports: str):
+        return architecture.Parts(dict.fromkeys(imports, 1), {k: frozenset(v) for k, v in imports.items()})
+
+    assert architecture.direct(parts(a="", b="a", c="ab")) == [("a", "b"), ("b", "c")]
+    assert ["a", "a>d@1", "d"] in architecture.chains(parts(a="", b="", c="b", d="ac"))
+    with pytest.raises(ValueError, match="a → b → a is a circle"):
+        architecture.rows(parts(a="b", b="a"))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
