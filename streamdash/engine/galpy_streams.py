@@ -12,20 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from streamdash.config import StreamModel
+from streamdash.stream_model import EquatorialProgenitor, LogarithmicHalo, SkyProgenitor, StreamModel
+from streamdash.streams import stream_of
 
 R0_KPC = 8.0
 V0_KMS = 220.0
 TRACK_CHUNKS = 11
 """Nodes of today's track (galpy's ``nTrackChunks``), as in Bovy, Erkal & Sanders (2017)."""
-# Rotation from equatorial to GD-1 coordinates, Koposov, Rix & Hogg (2010), appendix.
-GD1_ROTATION = np.array(
-    [
-        [-0.4776303088, -0.1738432154, 0.8611897727],
-        [0.510844589, -0.8524449229, 0.111245042],
-        [0.7147776536, 0.4930681392, 0.4959603976],
-    ]
-)
 
 
 class Nodes(NamedTuple):
@@ -47,12 +40,10 @@ def time_unit_gyr() -> float:
 def _galpy_arguments(stream: StreamModel) -> dict:
     """Keyword arguments that galpy's stream classes share, units natural."""
     from galpy.actionAngle import actionAngleIsochroneApprox
-    from galpy.orbit import Orbit
-    from galpy.potential import LogarithmicHaloPotential
 
-    potential = LogarithmicHaloPotential(normalize=1.0, q=stream.potential.q)
+    potential = galpy_potential(stream)
     return {
-        "progenitor": Orbit(list(stream.progenitor)),
+        **_progenitor_and_sun(stream),
         "pot": potential,
         "aA": actionAngleIsochroneApprox(pot=potential, b=stream.isochrone_b),
         "leading": stream.arm == "leading",
@@ -60,6 +51,45 @@ def _galpy_arguments(stream: StreamModel) -> dict:
         "tdisrupt": stream.age_gyr / time_unit_gyr(),
         "vo": V0_KMS,
         "ro": R0_KPC,
+    }
+
+
+def galpy_potential(stream: StreamModel) -> Any:
+    """The galpy potential of `stream`, or galpy's list of them, circular velocity 1 at radius 1."""
+    from galpy import potential
+
+    if isinstance(stream.potential, LogarithmicHalo):
+        return potential.LogarithmicHaloPotential(normalize=1.0, q=stream.potential.q)
+    return potential.MWPotential2014
+
+
+def _progenitor_and_sun(stream: StreamModel) -> dict:
+    """The progenitor as an orbit in natural units, and, where it was seen from it, the Sun."""
+    from galpy.orbit import Orbit
+
+    given = stream.progenitor
+    if not isinstance(given, SkyProgenitor):
+        return {"progenitor": Orbit(list(given))}
+    equatorial = isinstance(given, EquatorialProgenitor)
+    place = (given.ra, given.dec) if equatorial else (given.ell, given.b)
+    motion = (given.pm_ra, given.pm_dec) if equatorial else (given.pm_ell, given.pm_b)
+    seen = Orbit(
+        [*place, given.distance_kpc, *motion, given.v_los_kms],
+        radec=equatorial,
+        lb=not equatorial,
+        ro=given.r0_kpc,
+        vo=given.v0_kms,
+        zo=given.z_sun_kpc,
+        solarmotion=list(given.solar_motion_kms),
+    )
+    length, speed = given.r0_kpc / R0_KPC, given.v0_kms / V0_KMS
+    units = np.array([length, speed, speed, length, speed, 1.0])
+    u, v, w = given.solar_motion_kms
+    return {
+        "progenitor": Orbit(list(units * seen.vxvv[0])),
+        "R0": given.r0_kpc,
+        "Zsun": given.z_sun_kpc,
+        "vsun": np.array([u, v + given.v0_kms, w]),
     }
 
 
@@ -110,8 +140,9 @@ def smooth_stream(stream: StreamModel) -> dict:
     smooth = galpy_stream(stream)
     ell, b, dist = smooth._interpolatedObsTrackLB[:, :3].T
     ra, dec = coords.lb_to_radec(ell, b, degree=True).T
-    phi1, phi2 = coords.radec_to_custom(ra, dec, T=GD1_ROTATION, degree=True).T
-    radec_phi1 = np.rad2deg(np.unwrap(np.deg2rad(phi1)))
+    rotation = np.array(stream_of(stream).frame.rotation)
+    longitude, latitude = coords.radec_to_custom(ra, dec, T=rotation, degree=True).T
+    longitude = np.rad2deg(np.unwrap(np.deg2rad(longitude)))
     orbit = smooth._progenitor.orbit[0]
     middle = smooth._meandO * smooth._tdisrupt
     return {
@@ -124,9 +155,9 @@ def smooth_stream(stream: StreamModel) -> dict:
         "track_ell": np.rad2deg(np.unwrap(np.deg2rad(ell))),
         "track_b": np.asarray(b),
         "track_dist": np.asarray(dist),
-        # φ1 in (-180, 180] where the stream starts, as observers quote it.
-        "track_phi1": radec_phi1 - 360.0 * np.round(radec_phi1[0] / 360.0),
-        "track_phi2": np.asarray(phi2),
+        # In (-180, 180] where the stream starts, as observers quote it.
+        "track_longitude": longitude - 360.0 * np.round(longitude[0] / 360.0),
+        "track_latitude": np.asarray(latitude),
     }
 
 

@@ -20,6 +20,7 @@ from scipy import interpolate, special
 
 from streamdash.config import StreamModel
 from streamdash.engine.galpy_streams import R0_KPC, smooth_stream, time_unit_gyr
+from streamdash.streams import SkyFrame, stream_of
 
 LENGTH_THRESHOLD = 0.2
 """The stream ends where its density is this fraction of that near the progenitor."""
@@ -51,8 +52,9 @@ class Geometry:
         Rectangular Galactocentric position and velocity at the nodes (natural units).
     node_jac : (n_times, n_node, 3) array
         ∂Ω∥/∂(vR, vT, vz) at the nodes (natural units).
-    track_theta, track_ell, track_b, track_dist, track_phi1, track_phi2 : (n,) arrays
-        Today's track: rad, deg, deg, kpc, deg, deg. Longitudes are unwrapped.
+    track_theta, track_ell, track_b, track_dist, track_longitude, track_latitude : (n,) arrays
+        Today's track: rad, deg, deg, kpc, and deg, deg in the stream's own frame
+        (`streamdash.streams.SkyFrame`). Longitudes are unwrapped.
     """
 
     stream: StreamModel
@@ -69,8 +71,13 @@ class Geometry:
     track_ell: np.ndarray
     track_b: np.ndarray
     track_dist: np.ndarray
-    track_phi1: np.ndarray
-    track_phi2: np.ndarray
+    track_longitude: np.ndarray
+    track_latitude: np.ndarray
+
+    @property
+    def frame(self) -> SkyFrame:
+        """The stream's own frame on the sky."""
+        return stream_of(self.stream).frame
 
     @property
     def length(self) -> float:
@@ -141,7 +148,7 @@ class Geometry:
 
     def to_dataset(self) -> xr.Dataset:
         """The geometry as a Dataset of plain numbers, for the cache."""
-        data = {name: (dims, getattr(self, name)) for name, dims in _DIMS.items() if dims}
+        data = {_STORED.get(name, name): (dims, getattr(self, name)) for name, dims in _DIMS.items() if dims}
         scalars = {name: float(getattr(self, name)) for name, dims in _DIMS.items() if not dims}
         return xr.Dataset(data, attrs=scalars)
 
@@ -156,15 +163,16 @@ class Geometry:
         """
         values: dict = {}
         for name, dims in _DIMS.items():
+            stored = _STORED.get(name, name)
             source = dataset.variables if dims else dataset.attrs
-            if name not in source:
-                raise ValueError(f"geometry has no {name!r}")
+            if stored not in source:
+                raise ValueError(f"geometry has no {stored!r}")
             if not dims:
                 values[name] = float(dataset.attrs[name])
                 continue
-            if dataset[name].dims != dims:
-                raise ValueError(f"geometry's {name!r} has dimensions {dataset[name].dims}, not {dims}")
-            values[name] = np.asarray(dataset[name].values, dtype=float)
+            if dataset[stored].dims != dims:
+                raise ValueError(f"geometry's {stored!r} has dimensions {dataset[stored].dims}, not {dims}")
+            values[name] = np.asarray(dataset[stored].values, dtype=float)
         if len(values["times"]) != len(stream.impact_times_gyr):
             raise ValueError("geometry's 'times' are not those of its stream model")
         return cls(stream=stream, **values)
@@ -180,8 +188,10 @@ _DIMS: dict[str, tuple[str, ...]] = {
     "node_theta": ("time", "node"),
     "node_xv": ("time", "node", "phase"),
     "node_jac": ("time", "node", "velocity"),
-    **{f"track_{name}": ("track",) for name in ("theta", "ell", "b", "dist", "phi1", "phi2")},
+    **{f"track_{name}": ("track",) for name in ("theta", "ell", "b", "dist", "longitude", "latitude")},
 }
+_STORED = {"track_longitude": "track_phi1", "track_latitude": "track_phi2"}
+"""Names in the cache, which are older than other streams, where they differ."""
 
 
 def smooth_geometry(stream: StreamModel) -> Geometry:

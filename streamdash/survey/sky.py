@@ -1,8 +1,9 @@
 """What a telescope sees: positions on the sky, bins along the stream, shot noise.
 
-A stream is observed as numbers of stars in bins of Galactic longitude ``ell`` (deg), of ``phi1``
-(deg, the GD-1 frame of Koposov, Rix & Hogg 2010), or of parallel angle ``theta`` (rad). Qρ of a
-bin is the number of stars in it over the number expected of the smooth stream (paper §3),
+A stream is observed as numbers of stars in bins of Galactic longitude ``ell`` (deg), of the longitude
+of the stream's own frame (deg; `streamdash.streams.SkyFrame` names it, ``phi1`` for GD-1), or of
+parallel angle ``theta`` (rad). Qρ of a bin is the number of stars in it over the number expected of
+the smooth stream (paper §3),
 
     Qρ = ∫ρ dθ / ∫ρ̄ dθ   over the bin's interval of θ,
 
@@ -11,23 +12,25 @@ which is the same in every coordinate.
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 from streamdash.engine.geometry import Geometry
+from streamdash.streams import window_of
 
-Coordinate = Literal["ell", "phi1", "theta"]
-THETA_WINDOW = (0.03, 0.987)
-"""Angles analysed in the default stream (rad): ell from 165.5° to 234.9°."""
+Coordinate = str
+"""``ell``, ``theta``, or the longitude of the stream's frame, such as ``phi1``."""
 BIN_WIDTH = 0.2
 """Width of a longitude bin (deg)."""
 NOISE = 0.1
 """Standard deviation σ_ε of Qρ's shot noise in one bin of `BIN_WIDTH`."""
-UNITS = {"ell": "°", "phi1": "°", "theta": " rad"}
+
+
+def coordinates(geometry: Geometry) -> tuple[str, str, str]:
+    """Names of the coordinates along a stream: Galactic longitude, its own frame's, the angle."""
+    return ("ell", geometry.frame.longitude, "theta")
 
 
 def theta_to_ell(geometry: Geometry, theta: ArrayLike) -> np.ndarray:
@@ -36,7 +39,7 @@ def theta_to_ell(geometry: Geometry, theta: ArrayLike) -> np.ndarray:
     Raises
     ------
     ValueError
-        When an angle lies beyond the track; so do all four conversions.
+        When an angle lies beyond the track; so do all conversions.
     """
     return _convert(geometry, theta, "theta", "ell")
 
@@ -46,14 +49,9 @@ def ell_to_theta(geometry: Geometry, ell: ArrayLike) -> np.ndarray:
     return _convert(geometry, ell, "ell", "theta")
 
 
-def theta_to_phi1(geometry: Geometry, theta: ArrayLike) -> np.ndarray:
-    """φ1 (deg, not wrapped) of the track at parallel angle `theta` (rad)."""
-    return _convert(geometry, theta, "theta", "phi1")
-
-
-def phi1_to_theta(geometry: Geometry, phi1: ArrayLike) -> np.ndarray:
-    """Parallel angle (rad) of the track at `phi1` (deg, any turn)."""
-    return _convert(geometry, phi1, "phi1", "theta")
+def from_theta(geometry: Geometry, theta: ArrayLike, coordinate: Coordinate) -> np.ndarray:
+    """Position in `coordinate` (not wrapped) of the track at parallel angle `theta` (rad)."""
+    return _convert(geometry, theta, "theta", coordinate)
 
 
 def to_theta(geometry: Geometry, values: ArrayLike, coordinate: Coordinate) -> np.ndarray:
@@ -62,15 +60,19 @@ def to_theta(geometry: Geometry, values: ArrayLike, coordinate: Coordinate) -> n
 
 
 def longitude_bins(
-    geometry: Geometry, width: float = BIN_WIDTH, theta_window: tuple[float, float] = THETA_WINDOW
+    geometry: Geometry,
+    width: float = BIN_WIDTH,
+    theta_window: tuple[float, float] | None = None,
+    coordinate: Coordinate = "ell",
 ) -> np.ndarray:
-    """Edges of equal bins of Galactic longitude that fill a window of angles.
+    """Edges of equal bins of a longitude that fill a window of angles.
 
     Parameters
     ----------
     width : wished width (deg). The whole number of bins that comes closest to it is used: for the
         default stream 347 bins of 0.19993°.
-    theta_window : first and last parallel angle (rad).
+    theta_window : first and last parallel angle (rad); the stream's own window when not given.
+    coordinate : ``ell`` or the longitude of the stream's frame.
 
     Returns
     -------
@@ -85,7 +87,8 @@ def longitude_bins(
     """
     if not (np.isfinite(width) and width > 0):
         raise ValueError(f"width must be a positive number of degrees (got {width})")
-    first, last = theta_to_ell(geometry, theta_window)
+    window = theta_window if theta_window is not None else window_of(geometry.stream).theta
+    first, last = from_theta(geometry, window, coordinate)
     n_bin = max(1, round(abs(last - first) / width))
     return np.linspace(first, last, n_bin + 1)
 
@@ -190,22 +193,30 @@ def add_noise(q: np.ndarray, draws: np.ndarray, sigma: float) -> np.ndarray:
     return q + np.asarray(sigma, dtype=q.dtype) * draws[: len(q)]
 
 
-def _track(geometry: Geometry, coordinate: str) -> tuple[np.ndarray, np.ndarray]:
-    """Angles and positions along today's track, where its longitude runs one way."""
-    if coordinate not in UNITS:
-        raise ValueError(f"coordinate must be one of {', '.join(UNITS)} (got {coordinate!r})")
-    theta = geometry.track_theta
-    positions = getattr(geometry, f"track_{coordinate}")
+def _track(geometry: Geometry, coordinate: str) -> np.ndarray:
+    """Positions along today's track, up to where its longitude turns back."""
+    if coordinate not in coordinates(geometry):
+        raise ValueError(f"coordinate must be one of {', '.join(coordinates(geometry))} (got {coordinate!r})")
+    own = coordinate == geometry.frame.longitude
+    positions = geometry.track_longitude if own else getattr(geometry, f"track_{coordinate}")
     steps = np.diff(positions)
-    if not ((steps > 0).all() or (steps < 0).all()):
+    turned = np.flatnonzero(np.sign(steps) != np.sign(steps[0]))
+    end = turned[0] + 1 if len(turned) else len(positions)
+    if geometry.track_theta[end - 1] < window_of(geometry.stream).theta_min:
         raise ValueError(f"{coordinate} turns back along this stream; use theta instead")
-    return theta, positions
+    return positions[:end]
+
+
+def _unit(coordinate: Coordinate) -> str:
+    return " rad" if coordinate == "theta" else "°"
 
 
 def _convert(geometry: Geometry, values: ArrayLike, source: str, target: str) -> np.ndarray:
     # Linear between the track's ~1000 points: off by at most 4·10⁻⁵ deg, and exactly invertible.
     asked = np.asarray(values, dtype=float)
-    x, y = _track(geometry, source)[1], _track(geometry, target)[1]
+    x, y = _track(geometry, source), _track(geometry, target)
+    length = min(len(x), len(y))
+    x, y = x[:length], y[:length]
     if x[0] > x[-1]:
         x, y = x[::-1], y[::-1]
     if source != "theta":
@@ -214,7 +225,7 @@ def _convert(geometry: Geometry, values: ArrayLike, source: str, target: str) ->
     outside = ~((asked >= x[0] - slack) & (asked <= x[-1] + slack))
     if outside.any():
         worst = asked[outside].flat[0]
-        unit = UNITS[source]
+        unit = _unit(source)
         raise ValueError(
             f"{source} {worst:g}{unit} is off the stream's track, {x[0]:.4g} to {x[-1]:.4g}{unit}"
         )
@@ -234,7 +245,7 @@ def _bin_ends(geometry: Geometry, theta: np.ndarray, edges: np.ndarray, coordina
     if len(outside):
         j = min(outside[0], len(edges) - 2)
         low, high = _limits(geometry, theta, coordinate)
-        unit = UNITS[coordinate]
+        unit = _unit(coordinate)
         raise ValueError(
             f"bin {j} ({edges[j]:.6g} to {edges[j + 1]:.6g}{unit}) is not within the profiles, "
             f"{coordinate} {low:.6g} to {high:.6g}{unit}"
