@@ -17,6 +17,7 @@ PUBLIC = {
     "EnsembleConfig": "streamdash.config",
     "Perturbers": "streamdash.config",
     "StreamModel": "streamdash.config",
+    "named_stream": "streamdash.streams",
     "load_geometry": "streamdash.simulation.geometry",
     "simulate": "streamdash.simulation.ensemble",
 }

@@ -111,7 +111,7 @@ def _set_apart(config: EnsembleConfig, same: Sequence[EnsembleConfig]) -> list[s
 
 def _words(config: EnsembleConfig) -> Iterator[tuple[str, str]]:
     """Path and words of everything that is not as by default, masses aside."""
-    plain = dict(_leaves(EnsembleConfig()))
+    plain = dict(_leaves(EnsembleConfig(stream=config.stream)))
     for path, value in _leaves(config):
         if path != "perturbers.mass_range" and value != plain.get(path):
             say = WORDS.get(path)

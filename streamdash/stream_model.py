@@ -56,6 +56,16 @@ class EquatorialProgenitor(SkyProgenitor):
     pm_ra: Finite = Field(ge=-100, le=100, description="proper motion μ_α cos δ, mas/yr")
     pm_dec: Finite = Field(ge=-100, le=100, description="proper motion μ_δ, mas/yr")
 
+    @property
+    def place(self) -> tuple[float, float]:
+        """Right ascension and declination (deg)."""
+        return self.ra, self.dec
+
+    @property
+    def proper_motion(self) -> tuple[float, float]:
+        """Along right ascension and declination (mas/yr)."""
+        return self.pm_ra, self.pm_dec
+
 
 class GalacticProgenitor(SkyProgenitor):
     """A progenitor in Galactic coordinates."""
@@ -64,6 +74,16 @@ class GalacticProgenitor(SkyProgenitor):
     b: Finite = Field(ge=-90, le=90, description="Galactic latitude, deg")
     pm_ell: Finite = Field(ge=-100, le=100, description="proper motion μ_l cos b, mas/yr")
     pm_b: Finite = Field(ge=-100, le=100, description="proper motion μ_b, mas/yr")
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Galactic longitude and latitude (deg)."""
+        return self.ell, self.b
+
+    @property
+    def proper_motion(self) -> tuple[float, float]:
+        """Along Galactic longitude and latitude (mas/yr)."""
+        return self.pm_ell, self.pm_b
 
 
 def _potential_tag(value: Any) -> str:
@@ -79,6 +99,7 @@ def _progenitor_tag(value: Any) -> str:
     return f"{CHOICE}cylindrical"
 
 
+SkyPlace = EquatorialProgenitor | GalacticProgenitor
 Six = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 Potential = Annotated[
     # A logarithmic halo has no name in its JSON: keys of entries that are older than the choice hold.

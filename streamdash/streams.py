@@ -175,9 +175,9 @@ def stream_of(model: StreamModel) -> Stream:
         if any(model.progenitor == arm.progenitor for arm in stream.arms.values()):
             return stream
     if isinstance(model.progenitor, EquatorialProgenitor):
-        return _own(model, model.progenitor.ra, model.progenitor.dec)
+        return _own(model, *model.progenitor.place)
     if isinstance(model.progenitor, GalacticProgenitor):
-        return _own(model, *_equatorial(model.progenitor.ell, model.progenitor.b))
+        return _own(model, *_equatorial(*model.progenitor.place))
     return named_stream(STREAM_NAMES[0])
 
 

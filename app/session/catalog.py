@@ -8,6 +8,7 @@ from typing import Any
 
 from streamdash.config import Config, EnsembleConfig, Perturbers, StreamModel, mass_label
 from streamdash.naming import mass_text
+from streamdash.streams import angles_of, stream_text
 
 CLASSES_MIN, CLASSES_MAX = 2, 4
 """Fewest and most mass ranges compared at once."""
@@ -128,11 +129,8 @@ def _differences(config: EnsembleConfig) -> list[str]:
     perturbers = config.perturbers
     plain = Perturbers(mass_range=perturbers.mass_range)
     words = _changed(perturbers, plain)
-    same = config.model_copy(update={"seed": 0, **_ANGLES})
+    same = config.model_copy(update={"seed": 0, **angles_of(config.stream)})
     return words + _changed(config, same)
-
-
-_ANGLES = {name: EnsembleConfig.model_fields[name].default for name in ("theta_min", "theta_max", "n_theta")}
 
 
 def _changed(config: Config, reference: Config) -> list[str]:
@@ -141,9 +139,3 @@ def _changed(config: Config, reference: Config) -> list[str]:
         for name, value in config
         if value != getattr(reference, name)
     ]
-
-
-def stream_text(model: StreamModel) -> str:
-    """Name of a stream model: GD-1-like, and whatever differs from that default."""
-    words = _changed(model, StreamModel())
-    return "GD-1-like" + (f" · {', '.join(words)}" if words else "")

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from streamdash.stream_model import EquatorialProgenitor, LogarithmicHalo, SkyProgenitor, StreamModel
+from streamdash.stream_model import EquatorialProgenitor, LogarithmicHalo, SkyPlace, StreamModel
 from streamdash.streams import stream_of
 
 R0_KPC = 8.0
@@ -68,13 +68,11 @@ def _progenitor_and_sun(stream: StreamModel) -> dict:
     from galpy.orbit import Orbit
 
     given = stream.progenitor
-    if not isinstance(given, SkyProgenitor):
+    if not isinstance(given, SkyPlace):
         return {"progenitor": Orbit(list(given))}
     equatorial = isinstance(given, EquatorialProgenitor)
-    place = (given.ra, given.dec) if equatorial else (given.ell, given.b)
-    motion = (given.pm_ra, given.pm_dec) if equatorial else (given.pm_ell, given.pm_b)
     seen = Orbit(
-        [*place, given.distance_kpc, *motion, given.v_los_kms],
+        [*given.place, given.distance_kpc, *given.proper_motion, given.v_los_kms],
         radec=equatorial,
         lb=not equatorial,
         ro=given.r0_kpc,
@@ -91,6 +89,11 @@ def _progenitor_and_sun(stream: StreamModel) -> dict:
         "Zsun": given.z_sun_kpc,
         "vsun": np.array([u, v + given.v0_kms, w]),
     }
+
+
+def progenitor_orbit(stream: StreamModel) -> Any:
+    """The progenitor today as a `galpy.orbit.Orbit` in natural units, not integrated."""
+    return _progenitor_and_sun(stream)["progenitor"]
 
 
 def progenitor_radius(stream: StreamModel, times_gyr: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import unicodedata
 
 from streamdash.config import Config, EnsembleConfig, SpectraConfig, StreamModel
+from streamdash.streams import STREAM_NAMES, stream_of
 
 TITLE_LENGTH = 60
 """Longest name that people may give to an ensemble."""
@@ -38,8 +39,13 @@ def label_of(config: Config) -> str:
 
 
 def geometry_label(stream: StreamModel) -> str:
-    """How people recognise a stream's geometry, for example ``leading-9Gyr-64times``."""
-    return f"{stream.arm}-{stream.age_gyr:g}Gyr-{len(stream.impact_times_gyr)}times"
+    """How people recognise a stream's geometry, for example ``leading-9Gyr-64times``.
+
+    All but the default stream are named, as in ``pal5-trailing-5Gyr-64times``.
+    """
+    name = stream_of(stream).name
+    named = "" if name == STREAM_NAMES[0] else f"{name}-"
+    return f"{named}{stream.arm}-{stream.age_gyr:g}Gyr-{len(stream.impact_times_gyr)}times"
 
 
 def spectra_label(config: SpectraConfig) -> str:

@@ -1,6 +1,7 @@
 """An ensemble as a survey shows it: binned profiles, how many pass where, quantile bands.
 
-Noise is added per 0.2° bin of Galactic longitude, whatever coordinate the profiles are shown in.
+Noise is added per bin of the stream's description (0.2° of Galactic longitude in the default one),
+whatever coordinate the profiles are shown in.
 """
 
 from __future__ import annotations
@@ -16,14 +17,8 @@ from streamdash.engine.galpy_streams import time_unit_gyr
 from streamdash.engine.geometry import Geometry
 from streamdash.simulation.geometry import load_geometry
 from streamdash.store.cache import Cache
-from streamdash.survey.sky import (
-    ell_to_theta,
-    longitude_bins,
-    observe,
-    q_rho,
-    shot_noise,
-    theta_to_phi1,
-)
+from streamdash.streams import bins_of
+from streamdash.survey.sky import from_theta, longitude_bins, observe, q_rho, shot_noise, to_theta
 
 RANGES = {"q_rho": (-0.5, 3.0), "rho": (-0.5, 3.0), "omega": (0.0, 0.25)}
 """Vertical range of each figure, the same for every ensemble and noise."""
@@ -44,8 +39,8 @@ class Binned:
     ----------
     config : EnsembleConfig
     quantity : str
-    ell, theta, phi1 : (n_bin + 1,) arrays
-        Edges of the bins in deg, rad and deg.
+    ell, theta, longitude : (n_bin + 1,) arrays
+        Edges of the bins in deg, rad, and deg of the stream's own frame.
     values : (n_bin, n_streams) float32 array
         Profiles; bins first, so that a bin's streams lie side by side.
     draws : (n_bin, n_streams) float32 array
@@ -60,11 +55,15 @@ class Binned:
     quantity: str
     ell: np.ndarray
     theta: np.ndarray
-    phi1: np.ndarray
+    longitude: np.ndarray
     values: np.ndarray
     draws: np.ndarray
     scale: np.ndarray
     smooth: np.ndarray
+
+    def edges(self, coordinate: str) -> np.ndarray:
+        """Edges of the bins in ``ell``, ``theta`` or the longitude of the stream's frame."""
+        return getattr(self, coordinate) if coordinate in ("ell", "theta") else self.longitude
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ class Panel:
 
 
 def collect(cache: Cache, ensemble: str | EnsembleConfig, quantity: str) -> Binned:
-    """Read an ensemble and average its profiles over 0.2° bins of longitude.
+    """Read an ensemble and average its profiles over the bins of its stream.
 
     Raises
     ------
@@ -117,18 +116,23 @@ def collect(cache: Cache, ensemble: str | EnsembleConfig, quantity: str) -> Binn
 
 
 def bin_profiles(geometry: Geometry, dataset: xr.Dataset, config: EnsembleConfig, quantity: str) -> Binned:
-    """Average an ensemble's profiles over 0.2° bins of longitude, see `Binned`."""
-    ell = longitude_bins(geometry)
-    theta = ell_to_theta(geometry, ell)
+    """Average an ensemble's profiles over the bins of its stream, see `Binned`."""
+    bins = bins_of(config.stream)
+    where, edges = bins.coordinate, longitude_bins(geometry, bins.width, coordinate=bins.coordinate)
+    theta = to_theta(geometry, edges, where)
+    ell, longitude = (
+        edges if name == where else from_theta(geometry, theta, name)
+        for name in ("ell", geometry.frame.longitude)
+    )
     angles = dataset.theta.values
-    mean_density = observe(geometry, angles, dataset.smooth.values, ell)
+    mean_density = observe(geometry, angles, dataset.smooth.values, edges, where)
     if quantity == "omega":
         unit = time_unit_gyr()
-        values = observe(geometry, angles, dataset.omega.values, ell) / unit
-        smooth = observe(geometry, angles, dataset.omega_smooth.values, ell) / unit
+        values = observe(geometry, angles, dataset.omega.values, edges, where) / unit
+        smooth = observe(geometry, angles, dataset.omega_smooth.values, edges, where) / unit
         scale = np.zeros(len(smooth))
     else:
-        values = q_rho(geometry, dataset, ell)
+        values = q_rho(geometry, dataset, edges, where)
         scale = smooth = mean_density if quantity == "rho" else np.ones(len(mean_density))
         values = values * scale
     draws = noise_draws(config, values.shape)
@@ -137,7 +141,7 @@ def bin_profiles(geometry: Geometry, dataset: xr.Dataset, config: EnsembleConfig
         quantity,
         ell,
         theta,
-        theta_to_phi1(geometry, theta),
+        longitude,
         np.ascontiguousarray(values.T, dtype=np.float32),
         np.ascontiguousarray(draws.T, dtype=np.float32),
         scale,
@@ -182,7 +186,7 @@ def noise_draws(config: EnsembleConfig, shape: tuple[int, int], number: int = 0)
 def compute(binned: Binned, index: int, coordinate: str, noise: float, highlight: int, seed: int) -> Panel:
     """Everything one panel shows at a given noise; a few milliseconds for 2,000 streams."""
     n_streams = binned.values.shape[1]
-    edges = getattr(binned, coordinate)
+    edges = binned.edges(coordinate)
     low, high = RANGES[binned.quantity]
     counts, quantiles = _count(
         binned.values,

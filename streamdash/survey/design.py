@@ -1,10 +1,11 @@
 """How a stream is observed: its bins, gaps, errors, and what smooth curve is divided out.
 
 A `Design` is everything about a measured profile but its values, so that every simulated stream can
-be put through exactly the same. `default_design` is the paper's: 0.2° bins of longitude, one noise in
-all. A profile that somebody measured is a few dozen bins, often with gaps between them, an error for
-each, and a smooth curve that nobody knows (Bovy, Erkal & Sanders 2017, §5, divide the density by a
-polynomial fitted to it; so does `measured`, data and simulations alike).
+be put through exactly the same. `default_design` is that of the stream's description, for the paper's
+stream the paper's: 0.2° bins of longitude, one noise in all. A profile that somebody measured is a few
+dozen bins, often with gaps between them, an error for each, and a smooth curve that nobody knows
+(Bovy, Erkal & Sanders 2017, §5, divide the density by a polynomial fitted to it; so does `measured`,
+data and simulations alike).
 """
 
 from __future__ import annotations
@@ -18,14 +19,13 @@ import numpy as np
 import xarray as xr
 
 from streamdash.engine.geometry import Geometry
+from streamdash.streams import bins_of, window_of
 from streamdash.survey.sky import (
     NOISE,
-    THETA_WINDOW,
     Coordinate,
     bin_weights,
+    from_theta,
     longitude_bins,
-    theta_to_ell,
-    theta_to_phi1,
     to_theta,
 )
 
@@ -44,8 +44,9 @@ class Design:
 
     Attributes
     ----------
-    coordinate : {"ell", "phi1", "theta"}
-        Coordinate of the bins (deg; rad for theta).
+    coordinate : str
+        Coordinate of the bins (deg; rad for theta): ``ell``, ``theta`` or the longitude of the
+        stream's frame, such as ``phi1``.
     low, high : ndarray (n_bin,)
         Ends of each bin, bins in one direction along the stream; there may be gaps between them.
         Where the coordinate falls from bin to bin, `low` is the end met first, the higher one.
@@ -149,15 +150,35 @@ class Design:
         return sha.hexdigest()[:16]
 
 
-def default_design(geometry: Geometry, noise: float = NOISE) -> Design:
-    """The paper's: Qρ in 0.2° bins of longitude (`longitude_bins`) with shot noise σ_ε in each."""
-    return Design.adjoining("ell", longitude_bins(geometry), noise)
+def default_design(geometry: Geometry, noise: float | None = None) -> Design:
+    """Qρ over the whole window in the bins of the stream's description, shot noise σ_ε in each.
+
+    For the paper's stream these are its 0.2° bins of Galactic longitude and σ_ε = 0.1.
+    """
+    bins = bins_of(geometry.stream)
+    edges = longitude_bins(geometry, bins.width, coordinate=bins.coordinate)
+    return Design.adjoining(bins.coordinate, edges, bins.noise if noise is None else noise)
+
+
+def published_design(geometry: Geometry) -> Design:
+    """The bins in which measured profiles of the stream were analysed: their stretch, their polynomial.
+
+    Where the stream's description names neither, as `default_design`.
+    """
+    bins = bins_of(geometry.stream)
+    if bins.low is None or bins.high is None:
+        design = default_design(geometry)
+    else:
+        n_bin = round((bins.high - bins.low) / bins.width)
+        edges = np.linspace(bins.low, bins.high, n_bin + 1)
+        design = Design.adjoining(bins.coordinate, edges, bins.noise)
+    return design if bins.order is None else replace(design, quantity="density", order=bins.order)
 
 
 def window(geometry: Geometry, coordinate: Coordinate) -> tuple[float, float]:
     """Lowest and highest `coordinate` (deg) of the simulated stretch of the stream."""
-    convert = {"ell": theta_to_ell, "phi1": theta_to_phi1}[coordinate]
-    low, high = sorted(float(value) for value in convert(geometry, THETA_WINDOW))
+    ends = from_theta(geometry, window_of(geometry.stream).theta, coordinate)
+    low, high = sorted(float(value) for value in ends)
     return low, high
 
 

@@ -194,7 +194,7 @@ def add_noise(q: np.ndarray, draws: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def _track(geometry: Geometry, coordinate: str) -> np.ndarray:
-    """Positions along today's track, up to where its longitude turns back."""
+    """Positions along today's track, up to where its longitude turns back beyond the window."""
     if coordinate not in coordinates(geometry):
         raise ValueError(f"coordinate must be one of {', '.join(coordinates(geometry))} (got {coordinate!r})")
     own = coordinate == geometry.frame.longitude
@@ -202,7 +202,7 @@ def _track(geometry: Geometry, coordinate: str) -> np.ndarray:
     steps = np.diff(positions)
     turned = np.flatnonzero(np.sign(steps) != np.sign(steps[0]))
     end = turned[0] + 1 if len(turned) else len(positions)
-    if geometry.track_theta[end - 1] < window_of(geometry.stream).theta_min:
+    if geometry.track_theta[end - 1] < window_of(geometry.stream).theta_max:
         raise ValueError(f"{coordinate} turns back along this stream; use theta instead")
     return positions[:end]
 

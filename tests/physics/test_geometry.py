@@ -28,7 +28,7 @@ def test_longitudes_of_the_track(geometry, theta, ell):
 
 @pytest.mark.parametrize(("theta", "phi1"), [(0.058, -28.9), (0.75, -87.3)])
 def test_gd1_longitudes_of_the_track(geometry, theta, phi1):
-    assert np.interp(theta, geometry.track_theta, geometry.track_phi1) == pytest.approx(phi1, abs=0.06)
+    assert np.interp(theta, geometry.track_theta, geometry.track_longitude) == pytest.approx(phi1, abs=0.06)
 
 
 def test_smooth_density_frequency_and_length_are_galpys(geometry, smooth):

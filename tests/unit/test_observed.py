@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 from streamdash.config import EnsembleConfig, Perturbers, StreamModel
 from streamdash.store.cache import Cache, StoreError
+from streamdash.streams import window_of
 from streamdash.survey import sky
 from streamdash.survey.design import AS_IS, Design, default_design, observe_as, smooth_as
 from streamdash.survey.observed import ObservedStreams, noise_draws
 
-THETA = np.linspace(*sky.THETA_WINDOW, 400)
+THETA = np.linspace(*window_of(StreamModel()).theta, 400)
 LOW, HIGH = (EnsembleConfig(perturbers=Perturbers(mass_range=m)) for m in ("1e3-1e5", "1e5-1e9"))
 
 

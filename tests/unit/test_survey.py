@@ -12,9 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import integrate
 
+from streamdash.config import StreamModel
+from streamdash.streams import window_of
 from streamdash.survey import sky
 
-THETA = np.linspace(*sky.THETA_WINDOW, 400)
+WINDOW = window_of(StreamModel()).theta
+THETA = np.linspace(*WINDOW, 400)
 
 
 def ensemble(geometry, density: np.ndarray) -> xr.Dataset:
@@ -42,25 +45,24 @@ def test_longitudes_are_those_of_galpys_track(geometry, theta, ell):
 
 @pytest.mark.parametrize(("theta", "phi1"), [(0.058, -28.9), (0.75, -87.3)])
 def test_phi1_is_that_of_the_gd1_frame(geometry, theta, phi1):
-    assert sky.theta_to_phi1(geometry, theta) == pytest.approx(phi1, abs=0.06)
+    assert sky.from_theta(geometry, theta, "phi1") == pytest.approx(phi1, abs=0.06)
 
 
 @pytest.mark.parametrize("coordinate", ["ell", "phi1"])
 def test_conversions_invert_each_other(geometry, coordinate):
-    forth = getattr(sky, f"theta_to_{coordinate}")
-    back = getattr(sky, f"{coordinate}_to_theta")
-    np.testing.assert_allclose(back(geometry, forth(geometry, THETA)), THETA, atol=1e-12)
-    np.testing.assert_allclose(back(geometry, forth(geometry, THETA) - 720), THETA, atol=1e-11)
+    there = sky.from_theta(geometry, THETA, coordinate)
+    np.testing.assert_allclose(sky.to_theta(geometry, there, coordinate), THETA, atol=1e-12)
+    np.testing.assert_allclose(sky.to_theta(geometry, there - 720, coordinate), THETA, atol=1e-11)
 
 
 @pytest.mark.parametrize(
     ("convert", "value", "words"),
     [
         (sky.theta_to_ell, -0.01, "theta -0.01 rad is off the stream's track, 0 to"),
-        (sky.theta_to_phi1, 3.0, "theta 3 rad is off"),
+        (lambda *given: sky.from_theta(*given, "phi1"), 3.0, "theta 3 rad is off"),
         (sky.ell_to_theta, 160.0, "ell 160° is off the stream's track, 161.1 to"),
         (sky.ell_to_theta, [170.0, np.nan], "ell nan° is off"),
-        (sky.phi1_to_theta, 20.0, "phi1 20° is off"),
+        (lambda *given: sky.to_theta(*given, "phi1"), 20.0, "phi1 20° is off"),
     ],
 )
 def test_positions_off_the_track_are_refused(geometry, convert, value, words):
@@ -75,6 +77,16 @@ def test_a_longitude_that_turns_back_is_refused(geometry):
         sky.ell_to_theta(replace(geometry, track_ell=ell), 170.0)
 
 
+def test_a_longitude_that_turns_back_beyond_the_window_serves_up_to_there(geometry):
+    beyond = int(np.searchsorted(geometry.track_theta, WINDOW[1])) + 2
+    ell = geometry.track_ell.copy()
+    ell[beyond:] = ell[beyond] - (ell[beyond:] - ell[beyond])
+    bent = replace(geometry, track_ell=ell)
+    np.testing.assert_array_equal(sky.longitude_bins(bent), sky.longitude_bins(geometry))
+    with pytest.raises(ValueError, match="is off the stream's track"):
+        sky.theta_to_ell(bent, geometry.track_theta[beyond] + 0.1)
+
+
 # ------------------------------------------------------------------ bins
 
 
@@ -82,7 +94,7 @@ def test_the_default_window_holds_347_bins(geometry, edges):
     assert edges.shape == (348,)
     np.testing.assert_allclose(np.diff(edges), 0.2, rtol=1e-3)
     assert (edges[0], edges[-1]) == pytest.approx((165.53, 234.91), abs=0.01)
-    np.testing.assert_allclose(sky.ell_to_theta(geometry, edges[[0, -1]]), sky.THETA_WINDOW)
+    np.testing.assert_allclose(sky.ell_to_theta(geometry, edges[[0, -1]]), WINDOW)
 
 
 @pytest.mark.parametrize("width", [0.0, -1.0, np.nan, np.inf])
@@ -115,7 +127,7 @@ def test_no_star_is_lost_or_counted_twice(geometry, cuts):
 def test_bins_are_the_same_in_every_coordinate(geometry, edges):
     values = np.random.default_rng(3).uniform(0, 2, (5, 400))
     theta_edges = sky.ell_to_theta(geometry, edges)
-    phi1_edges = sky.theta_to_phi1(geometry, theta_edges)
+    phi1_edges = sky.from_theta(geometry, theta_edges, "phi1")
     in_ell = sky.observe(geometry, THETA, values, edges, "ell")
     np.testing.assert_allclose(sky.observe(geometry, THETA, values, theta_edges, "theta"), in_ell, rtol=1e-9)
     np.testing.assert_allclose(sky.observe(geometry, THETA, values, phi1_edges, "phi1"), in_ell, rtol=1e-9)

@@ -28,7 +28,7 @@ from streamdash.survey.design import (
     polynomial_fit,
 )
 from streamdash.survey.mock import mock_bins, mock_observation
-from streamdash.survey.sky import observe, phi1_to_theta, q_rho
+from streamdash.survey.sky import observe, q_rho, to_theta
 
 LABELS = ("1e3-1e5", "1e5-1e9")
 N_KNOWN = 800
@@ -102,7 +102,7 @@ def test_a_density_counts_the_stars_between_the_ends(cache, configs, geometry, b
     seen = observe_as(geometry, dataset, Design("phi1", low, high, sigma, "density", ORDER))
     theta = dataset.theta.values
     for b in (0, 20):
-        ends = np.sort(phi1_to_theta(geometry, [low[b], high[b]]))
+        ends = np.sort(to_theta(geometry, [low[b], high[b]], "phi1"))
         mean = observe(geometry, theta, dataset.density.values, ends, "theta")[:, 0]
         np.testing.assert_allclose(seen[:, b], mean * np.diff(ends) / 2.0, rtol=1e-4)
 

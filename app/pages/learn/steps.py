@@ -19,8 +19,8 @@ from app.pages.learn.text import (
 )
 from app.services.comparison import configs, shared_comparison
 from app.session.catalog import Choice
-from app.session.catalog import stream_text as stream_text_of
 from app.session.session import SEED_MAX
+from streamdash import streams
 from streamdash.engine.flyby import kick_along_stream
 from streamdash.engine.galpy_streams import time_unit_gyr
 from streamdash.engine.geometry import Geometry
@@ -48,7 +48,7 @@ class StreamStep(Step):
     def text(self) -> str:
         distance, drift = self.track.distance, self.geometry.mean_omega / time_unit_gyr()
         return stream_text(
-            stream_text_of(self.stream),
+            streams.stream_text(self.stream),
             self.stream.age_gyr,
             self.track.sky_length,
             float(distance.min()),

@@ -66,7 +66,8 @@ class Knob:
         *parents, last = self.path.split(".")
         model: type[Config] = EnsembleConfig
         for parent in parents:
-            model = model.model_fields[parent].annotation  # type: ignore[assignment]
+            found: Any = model.model_fields[parent].annotation
+            model = found if isinstance(found, type) else get_args(get_args(found)[0])[0]
         return model.model_fields[last]
 
 
