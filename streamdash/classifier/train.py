@@ -101,7 +101,7 @@ def train(
     should_stop : callable, optional
         Asked at the same moments.
     workers : int, optional
-        Threads that grow trees. With one, the same seed gives the same bytes on any machine; more
+        Threads that grow trees. With one, the same seed gives the same bytes on one machine; more
         help on idle cores only, on busy ones they wait for each other.
     sets : Split, optional
         Who is trained on; by default the `split` of ``settings.seed``.

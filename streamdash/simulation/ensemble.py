@@ -112,8 +112,9 @@ def simulate(
     Returns
     -------
     xarray.Dataset
-        As `streamdash.store.cache.Cache.open_ensemble` describes it. The same bytes for any executor,
-        number of workers and interruptions.
+        As `streamdash.store.cache.Cache.open_ensemble` describes it. On one machine the same
+        bytes for any executor, number of workers and interruptions; elsewhere the same to the engine's
+        accuracy.
 
     Raises
     ------

@@ -67,6 +67,18 @@ def test_worst_point_of_many_impacts_against_brute_force(geometry, mass_range, s
     assert np.abs((omega - brute_omega) / geometry.smooth_omega(angles)).max() < 5e-4
 
 
+def test_impacts_beyond_the_length_are_computed_as_well(geometry):
+    """By brute force: where the stream has less than a fifth of its density left, impacts still count."""
+    k = 45
+    theta = 1.2 * float(geometry.length_at(geometry.times[k]))
+    impact = one(geometry, k, theta, 0.1, (10.0, 80.0, -60.0), 1e7, 0.33)
+    angles = np.linspace(0.5, 1.3, 17)
+    density, _ = stream_profile(geometry, impact, angles)
+    brute, _ = march(geometry, impact, angles, steps=2500, spacing=2e-5)
+    assert np.abs(density - brute).max() < 2e-3
+    assert np.abs(density - geometry.smooth_density(angles)).max() > 5e-3
+
+
 def test_order_of_impacts_does_not_matter(geometry):
     impacts = sample_impacts(geometry, Perturbers(), np.random.default_rng(4))
     order = np.random.default_rng(0).permutation(len(impacts))

@@ -5,20 +5,16 @@ import pytest
 
 from streamdash.config import StreamModel
 from streamdash.engine.galpy_streams import galpy_stream
-from streamdash.engine.geometry import Geometry
+from streamdash.engine.geometry import Geometry, smooth_geometry
 from streamdash.simulation.geometry import compute_geometry
 
 
-@pytest.fixture(scope="module")
-def smooth(geometry):
-    return galpy_stream(geometry.stream)
-
-
 def test_numbers_of_the_default_stream(geometry):
-    assert geometry.mean_omega == pytest.approx(0.00341944, abs=5e-9)
-    assert geometry.sigma_omega == pytest.approx(0.00056991, abs=5e-9)
+    """The published digits, and what galpy's last digits differ by between processors."""
+    assert geometry.mean_omega == pytest.approx(0.00341944, rel=1e-5)
+    assert geometry.sigma_omega == pytest.approx(0.00056991, rel=2e-5)
     assert geometry.t_disrupt == pytest.approx(253.1213, abs=5e-5)
-    assert geometry.length == pytest.approx(0.98694, abs=5e-6)
+    assert geometry.length == pytest.approx(0.98694, rel=1e-5)
 
 
 @pytest.mark.parametrize(("theta", "ell"), [(0, 161.12), (0.231, 191.12), (0.577, 217.83), (0.981, 234.71)])
@@ -31,7 +27,10 @@ def test_gd1_longitudes_of_the_track(geometry, theta, phi1):
     assert np.interp(theta, geometry.track_theta, geometry.track_longitude) == pytest.approx(phi1, abs=0.06)
 
 
-def test_smooth_density_frequency_and_length_are_galpys(geometry, smooth):
+def test_smooth_density_frequency_and_length_are_galpys():
+    """Both sides from galpy run here, so that only our formulas can differ."""
+    stream = StreamModel()
+    geometry, smooth = smooth_geometry(stream), galpy_stream(stream)
     theta = np.linspace(0.01, 1.3, 40)
     assert geometry.smooth_density(theta) == pytest.approx([smooth.density_par(t) for t in theta], rel=1e-9)
     omega = [smooth.meanOmega(t, oned=True, use_physical=False) for t in theta]

@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
-from streamdash.config import Perturbers
+from streamdash.config import Perturbers, StreamModel
 from streamdash.engine.galpy_streams import R0_KPC, V0_KMS, galpy_stream
+from streamdash.engine.geometry import smooth_geometry
 from streamdash.engine.impacts import (
     COLUMNS,
     Impacts,
@@ -31,8 +32,9 @@ def test_expected_numbers_of_the_default_stream(geometry, mass_range, number):
     assert found == pytest.approx(number, rel=6e-5)
 
 
-def test_rate_equals_galpys_encounters_summed_over_decades(geometry):
-    smooth = galpy_stream(geometry.stream)
+def test_rate_equals_galpys_encounters_summed_over_decades():
+    """Both sides from galpy run here, so that only our formula can differ."""
+    smooth, geometry = galpy_stream(StreamModel()), smooth_geometry(StreamModel())
     perturbers = Perturbers(mass_range=(2e3, 7e6), X=3, sigma_h=90, profile="plummer", rs_factor=2.5)
     total = sum(
         smooth.subhalo_encounters(
@@ -188,6 +190,24 @@ def test_bad_rows_are_named(geometry, tmp_path, column, value, words):
     with pytest.raises(ImpactsError) as error:
         Impacts.read_csv(path, geometry)
     assert words in str(error.value)
+
+
+def test_impacts_are_accepted_as_far_as_the_track_is_known(geometry, tmp_path):
+    """Others' tables may hold some beyond the length, where a fifth of the density is left: stars are there."""
+    path, times = tmp_path / "impacts.csv", np.array(geometry.stream.impact_times_gyr)
+    lengths, ends = geometry.length_at(geometry.times), geometry.table_ends
+    assert (ends > 1.4 * lengths).all()
+    assert (geometry.smooth_density(1.4 * lengths, geometry.times) > 1e-5).all()
+    for theta in (1.0001 * lengths, 1.4 * lengths, ends):
+        rows = {name: np.full(len(times), float(value)) for name, value in ROW.items()}
+        Impacts(**{**rows, "time_gyr": times, "theta": theta}).to_csv(path)
+        assert len(Impacts.read_csv(path, geometry)) == len(times)
+    for k in (0, 31, 63):
+        Impacts(**{**ROW, "time_gyr": times[k], "theta": ends[k] * 1.0001}).to_csv(path)
+        with pytest.raises(
+            ImpactsError, match=f"theta: must lie on the stream as it was then, 0 to {ends[k]:.4g}"
+        ):
+            Impacts.read_csv(path, geometry)
 
 
 @pytest.mark.parametrize("text", ["", "time_gyr,theta\n1,2\n", "\x00\x01", "a;b\n"])

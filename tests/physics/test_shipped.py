@@ -1,0 +1,102 @@
+"""What is shipped against the same computed anew: as accurate as the engine, on whatever processor.
+
+Between processors the last digits of galpy's actions and angles differ, by some 10⁻⁶ of the geometry's
+numbers, and so do bytes; streams agree to the engine's accuracy all the same.
+"""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from streamdash.config import StreamModel
+from streamdash.engine.geometry import Geometry, smooth_geometry
+from streamdash.simulation.ensemble import compute_stream
+from streamdash.simulation.geometry import compute_geometry
+from streamdash.store.cache import Cache
+
+RANGES = ("1e3-1e5", "1e5-1e7", "1e5-1e9", "1e7-1e9")
+ELSEWHERE = 1e-6
+"""How far, relative, galpy's numbers are from each other on two processors."""
+SMOOTH = ("mean_omega", "sigma_omega", "t_disrupt", "mean_radius", "width")
+TRACK = ("track_theta", "track_ell", "track_b", "track_dist", "track_phi1", "track_phi2")
+NODES = ("node_theta", "node_xv", "node_jac")
+
+
+def elsewhere(geometry, seed=0):
+    """The geometry as another processor might compute it: every number of galpy's a little off."""
+    rng = np.random.default_rng(seed)
+    names = [field.name for field in fields(geometry) if field.name not in ("stream", "times")]
+    values = {name: np.asarray(getattr(geometry, name)) for name in names}
+    off = {name: value * (1 + ELSEWHERE * rng.standard_normal(value.shape)) for name, value in values.items()}
+    return replace(geometry, **{name: value if value.ndim else float(value) for name, value in off.items()})
+
+
+@pytest.fixture(scope="module")
+def shipped(shipped_cache):
+    """Configuration and Dataset of each shipped ensemble by its mass range."""
+    cache = Cache((shipped_cache,))
+    configs = [entry.config for entry in cache.entries(("ensembles",))]
+    return {config.perturbers.label: (config, cache.open_ensemble(config)) for config in configs}
+
+
+def test_all_shipped_ensembles_are_compared_here(shipped):
+    assert sorted(shipped) == sorted(RANGES)
+
+
+def differences(geometry, config, stored, numbers):
+    """Largest difference of each stream from its stored one: density and frequency, in those of the smooth."""
+    found = []
+    for i in numbers:
+        density, omega, n_impacts = compute_stream(geometry, config, i)
+        was = stored.isel(stream=i)
+        assert n_impacts == was.n_impacts
+        assert np.abs(density / stored.smooth - 1).max() > 5e-3  # the stream is not smooth
+        apart = (density - was.density) / stored.smooth, (omega - was.omega) / stored.omega_smooth
+        found.append([float(np.abs(values).max()) for values in apart])
+    return np.array(found).T
+
+
+@pytest.mark.parametrize("label", RANGES)
+def test_first_streams_computed_anew_are_the_shipped_ones(geometry, shipped, label):
+    density, omega = differences(geometry, *shipped[label], range(4))
+    assert density.max() < 2e-3
+    assert omega.max() < 5e-4
+
+
+@pytest.mark.parametrize("label", RANGES)
+def test_streams_of_another_processor_are_the_shipped_ones(geometry, shipped, label):
+    """Both sides are as far from the truth as the engine may be; few streams are off by so much."""
+    density, omega = differences(elsewhere(geometry), *shipped[label], range(20))
+    assert np.quantile(density, 0.9) < 2e-3
+    assert np.quantile(omega, 0.9) < 1e-3
+    assert density.max() < 5e-3
+    assert omega.max() < 3e-3
+
+
+def test_smooth_stream_of_another_processor_is_the_shipped_one(geometry, shipped):
+    other = elsewhere(geometry)
+    stored = shipped["1e3-1e5"][1]
+    assert stored.smooth.values == pytest.approx(other.smooth_density(stored.theta.values), rel=1e-4)
+    assert stored.omega_smooth.values == pytest.approx(other.smooth_omega(stored.theta.values), rel=1e-4)
+
+
+def test_shipped_smooth_stream_is_galpys_of_today(geometry):
+    fresh = smooth_geometry(geometry.stream)
+    for name in SMOOTH:
+        assert getattr(fresh, name) == pytest.approx(getattr(geometry, name), rel=1e-5), name
+    for name in TRACK:
+        assert getattr(fresh, name) == pytest.approx(getattr(geometry, name), rel=1e-5, abs=1e-4), name
+
+
+@pytest.mark.slow
+def test_shipped_geometry_is_galpys_of_today(shipped_cache):
+    stream = StreamModel(n_times=2)
+    shipped = Geometry.from_dataset(Cache((shipped_cache,)).open_geometry(stream), stream)
+    fresh = compute_geometry(stream)
+    assert np.array_equal(fresh.times, shipped.times)
+    for name in NODES:
+        ours, theirs = getattr(fresh, name), getattr(shipped, name)
+        assert np.array_equal(np.isnan(ours), np.isnan(theirs))
+        scale = np.nanmax(np.abs(theirs))
+        assert np.nanmax(np.abs(ours - theirs)) < 2e-5 * scale, name
