@@ -193,7 +193,7 @@ def test_bad_rows_are_named(geometry, tmp_path, column, value, words):
 
 
 def test_impacts_are_accepted_as_far_as_the_track_is_known(geometry, tmp_path):
-    """Others' tables may hold some beyond the length, where a fifth of the density is left: stars are there."""
+    """Others' tables may hold some beyond the length, where less than a fifth of the density is left."""
     path, times = tmp_path / "impacts.csv", np.array(geometry.stream.impact_times_gyr)
     lengths, ends = geometry.length_at(geometry.times), geometry.table_ends
     assert (ends > 1.4 * lengths).all()

@@ -45,7 +45,7 @@ def test_all_shipped_ensembles_are_compared_here(shipped):
 
 
 def differences(geometry, config, stored, numbers):
-    """Largest difference of each stream from its stored one: density and frequency, in those of the smooth."""
+    """Largest difference of each stream from its stored one: density, frequency; in the smooth stream's."""
     found = []
     for i in numbers:
         density, omega, n_impacts = compute_stream(geometry, config, i)
