@@ -13,6 +13,7 @@ from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
 import streamdash
+from streamdash.streams import STREAM_NAMES, named_stream
 
 sys.path.insert(0, str(Path(__file__).parent))
 import architecture
@@ -95,12 +96,30 @@ def top_page(name: str) -> str:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put the picture of the parts and their table where a page asks for them."""
+    """Put in what a page asks for: the picture of the parts and their table, the named streams."""
+    if "<!-- streams -->" in markdown:
+        return markdown.replace("<!-- streams -->", named_streams())
     if "<!-- parts -->" not in markdown:
         return markdown
     found = architecture.read_parts()
     picture = architecture.picture(found).replace("\n", "")
     return markdown.replace("<!-- picture -->", picture).replace("<!-- parts -->", architecture.table(found))
+
+
+def named_streams() -> str:
+    """Arms, ages, bins and caveats of every named stream, as Markdown."""
+    lines = []
+    for stream in map(named_stream, STREAM_NAMES):
+        ages = ", ".join(f"{age:g}" for age in stream.ages_gyr)
+        lines += [f"### {stream.title}", "", f"Name `{stream.name}`; frame: {stream.frame.name}.", ""]
+        lines += ["| arm | ages (Gyr) | bins | analysed | noise of a bin | divided by |", "|" + 6 * "---|"]
+        for arm, bins in stream.bins.items():
+            stretch = "all of it" if bins.low is None else f"{bins.low:g}° to {bins.high:g}°"
+            order = "nothing" if bins.order is None else f"a polynomial of order {bins.order}"
+            cells = [arm, ages, f"{bins.width:g}° of {bins.coordinate}", stretch, f"{bins.noise:g}", order]
+            lines.append(f"| {' | '.join(cells)} |")
+        lines += ["", *(f"- {caveat}" for caveat in stream.caveats), ""]
+    return "\n".join(lines)
 
 
 def on_page_content(content: str, **_: Any) -> str:
@@ -109,7 +128,7 @@ def on_page_content(content: str, **_: Any) -> str:
     def mathml(match: re.Match[str]) -> str:
         block = match["open"] == r"\["
         equation = convert(html.unescape(match["latex"]).strip(), display="block" if block else "inline")
-        return f'<div style="overflow-x: auto" tabindex="0">{equation}</div>' if block else equation
+        return f'<div style="overflow: auto hidden; padding: 0.3em 0" tabindex="0">{equation}</div>' if block else equation
 
     pattern = r'<(?P<tag>span|div) class="arithmatex">(?P<open>\\[(\[])(?P<latex>.*?)\\[)\]]</(?P=tag)>'
     return re.sub(pattern, mathml, content, flags=re.DOTALL)
