@@ -20,6 +20,8 @@ import architecture
 
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = "reference/python"
+SCROLLS = "overflow: auto hidden; padding: 0.3em 0"
+"""Style of what may be wider than a phone."""
 
 
 def on_config(config: Any) -> Any:
@@ -112,7 +114,7 @@ def named_streams() -> str:
     for stream in map(named_stream, STREAM_NAMES):
         ages = ", ".join(f"{age:g}" for age in stream.ages_gyr)
         lines += [f"### {stream.title}", "", f"Name `{stream.name}`; frame: {stream.frame.name}.", ""]
-        lines += ["| arm | ages (Gyr) | bins | analysed | noise of a bin | divided by |", "|" + 6 * "---|"]
+        lines += ["| arm | ages (Gyr) | bins | analysed | noise | divided by |", "|" + "---|" * 6]
         for arm, bins in stream.bins.items():
             stretch = "all of it" if bins.low is None else f"{bins.low:g}° to {bins.high:g}°"
             order = "nothing" if bins.order is None else f"a polynomial of order {bins.order}"
@@ -128,7 +130,7 @@ def on_page_content(content: str, **_: Any) -> str:
     def mathml(match: re.Match[str]) -> str:
         block = match["open"] == r"\["
         equation = convert(html.unescape(match["latex"]).strip(), display="block" if block else "inline")
-        return f'<div style="overflow: auto hidden; padding: 0.3em 0" tabindex="0">{equation}</div>' if block else equation
+        return f'<div style="{SCROLLS}" tabindex="0">{equation}</div>' if block else equation
 
     pattern = r'<(?P<tag>span|div) class="arithmatex">(?P<open>\\[(\[])(?P<latex>.*?)\\[)\]]</(?P=tag)>'
     return re.sub(pattern, mathml, content, flags=re.DOTALL)
