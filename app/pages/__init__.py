@@ -41,8 +41,8 @@ Rules
 - **Compute** with ``services.shared(("pdf", keys, noise, n_bin), compute)``: one computation for all
   sessions; the key is everything the result depends on. ``session.ensembles`` are the chosen
   `Choice` objects, M0 first; ``services.ensemble(choice.key)`` and ``services.geometry(model)`` give
-  the arrays; ``services.q_rho(choice)`` is Qρ per 0.2° bin and ``services.draws(choice)`` the fixed
-  standard-normal noise for it, both (n_streams, n_bin) float32: q + noise · draws.
+  the arrays; ``services.observed(session.ensembles)`` are the chosen classes' streams as observed,
+  with the noise that is theirs (`streamdash.survey.observed.ObservedStreams`).
 - **Figures** are declared once by a function in ``streamdash/plots/`` (bodies read ``# Collect``,
   ``# Compute``, ``# Plot``; no Panel there), with labelled elements and fixed ranges. `LiveFigure`
   finds the Bokeh data source of each label; ``patch`` writes new arrays. Long arrays, few of them,

@@ -12,8 +12,6 @@ from app.session.catalog import Choice
 from app.session.session import Session
 from streamdash.config import EnsembleConfig
 from streamdash.statistics.evidence import RULES, Comparison, compare
-from streamdash.survey.bands import noise_draws
-from streamdash.survey.sky import add_noise
 
 N_BIN_SHOWN = (5, 100)
 """Fewest and most bins of Qρ on the sliders; links may go from 2 to 500."""
@@ -33,10 +31,7 @@ def noisy_profiles(
     services: Services, choices: Sequence[Choice], noise: float, number: int = 0
 ) -> list[np.ndarray]:
     """Qρ with shot noise of every class, (n_streams, n_longitudes); `number` names another draw of it."""
-    if number == 0:
-        return [add_noise(services.q_rho(choice), services.draws(choice), noise) for choice in choices]
-    clean = [(choice.config, services.q_rho(choice)) for choice in choices]
-    return [add_noise(q, noise_draws(config, q.shape, number), noise) for config, q in clean]
+    return services.observed(choices).noisy(noise, number)
 
 
 def shared_comparison(services: Services, session: Session) -> Comparison:

@@ -12,7 +12,7 @@ import functools
 import logging
 import sys
 import threading
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
@@ -28,8 +28,7 @@ from streamdash.engine.geometry import Geometry
 from streamdash.observe.table import UploadLimit
 from streamdash.simulation.jobs import Jobs, Limits
 from streamdash.store.cache import Cache
-from streamdash.survey import sky
-from streamdash.survey.bands import noise_draws
+from streamdash.survey.observed import ObservedStreams
 
 T = TypeVar("T")
 logger = logging.getLogger(__name__)
@@ -166,23 +165,31 @@ class Services:
         """A complete ensemble, in memory: ``density`` and ``omega`` (stream, theta)."""
         return self.shared(("ensemble", key), lambda: self.cache.open_ensemble(key).load())
 
-    def q_rho(self, choice: Choice) -> np.ndarray:
-        """Qρ of an ensemble in 0.2° bins of longitude, noiseless: (n_streams, n_bin) float32."""
+    def observed(self, choices: Sequence[Choice]) -> ObservedStreams:
+        """Ensembles of one stream as they are observed by default: 0.2° bins of longitude.
 
-        def compute() -> np.ndarray:
+        Each ensemble is opened and binned once, whatever others it is compared with.
+
+        Raises
+        ------
+        Unavailable
+            When a stream cannot be shown in such bins, or its geometry is not there.
+        """
+        keys = tuple(choice.key for choice in choices)
+        if len(choices) > 1:
+            return self.shared(
+                ("observed", *keys), lambda: ObservedStreams.join([self.observed([c]) for c in choices])
+            )
+        (choice,) = choices
+
+        def compute() -> ObservedStreams:
             geometry = self.geometry(choice.config.stream)
             try:
-                return sky.q_rho(geometry, self.ensemble(choice.key), sky.longitude_bins(geometry))
+                return ObservedStreams.of(geometry, self.ensemble(choice.key), choice.config)
             except ValueError as error:
                 raise Unavailable(f"{choice.label} cannot be shown in bins of longitude: {error}.") from None
 
-        return self.shared(("q_rho", choice.key), compute)
-
-    def draws(self, choice: Choice) -> np.ndarray:
-        """The fixed standard-normal draws that are an ensemble's noise at σ_ε = 1, like `q_rho`."""
-        return self.shared(
-            ("draws", choice.key), lambda: noise_draws(choice.config, self.q_rho(choice).shape)
-        )
+        return self.shared(("observed", *keys), compute)
 
 
 @functools.cache

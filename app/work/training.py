@@ -9,12 +9,12 @@ from typing import Any
 from app.services.services import Services
 from app.session.session import Session
 from app.work.tasks import Compute
-from streamdash.classifier.data import LabelledStreams
+from streamdash.classifier.data import check_classes
 from streamdash.classifier.model import PRESETS, ClassifierConfig
 from streamdash.classifier.store import ModelFileError, ModelStore
 from streamdash.classifier.train import Judged, judge, model_key, train
 from streamdash.statistics.features import ALL_SUMMARIES
-from streamdash.survey.sky import longitude_bins
+from streamdash.survey.observed import ObservedStreams
 
 logger = logging.getLogger(__name__)
 FEATURES = {"both": "Both", "pca": "Components", "summaries": "Summaries"}
@@ -50,22 +50,15 @@ def choices_of(settings: ClassifierConfig) -> Mapping[str, Any]:
     }
 
 
-def streams_of(services: Services, session: Session) -> LabelledStreams:
-    """The chosen classes' streams in 0.2° bins with their noise draws."""
-    choices = session.ensembles
+def streams_of(services: Services, session: Session) -> ObservedStreams:
+    """The chosen classes' streams as observed by default, once they can be told apart.
 
-    def compute() -> LabelledStreams:
-        edges = longitude_bins(services.geometry(choices[0].config.stream))
-        return LabelledStreams(
-            tuple(services.q_rho(choice) for choice in choices),
-            tuple(services.draws(choice) for choice in choices),
-            tuple(choice.config.perturbers.label for choice in choices),
-            tuple(choice.key for choice in choices),
-            0.5 * (edges[:-1] + edges[1:]),
-            tuple(services.ensemble(choice.key)["n_impacts"].to_numpy() for choice in choices),
-        )
-
-    return services.shared(("labelled streams", *(choice.key for choice in choices)), compute)
+    Raises
+    ------
+    ClassifierError
+        When they are no classes that can be learnt.
+    """
+    return check_classes(services.observed(session.ensembles))
 
 
 def data_key(session: Session) -> tuple[Hashable, ...]:
@@ -117,7 +110,7 @@ def code_head(session: Session, *modules: str) -> str:
     settings = settings_of(session)
     imports = sorted(
         {
-            "from streamdash.classifier.data import read_streams",
+            "from streamdash.survey.observed import ObservedStreams",
             "from streamdash.classifier.model import PRESETS, ClassifierConfig",
             "from streamdash.store.cache import Cache",
             *modules,
@@ -130,6 +123,6 @@ def code_head(session: Session, *modules: str) -> str:
     return (
         "\n".join(["from pathlib import Path", "", *imports]) + "\n\n"
         f"ensembles = [\n{ensembles}\n]\n"
-        "streams = read_streams(Cache.default(), ensembles)\n"
+        "streams = ObservedStreams.read(Cache.default(), ensembles)\n"
         f"settings = {chosen}\n"
     )

@@ -12,7 +12,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import gaussian_kde
 
-from streamdash.classifier.data import LabelledStreams, Split, split
+from streamdash.classifier.data import Split, check_classes, split
+from streamdash.survey.observed import ObservedStreams
 
 ROUNDS = 10
 WIDTHS = (1, 7, 15, 31, 63)
@@ -65,7 +66,7 @@ class Clue:
     samples: tuple[np.ndarray, ...]
 
 
-def draw_rounds(streams: LabelledStreams, sets: Split, seed: int, rounds: int = ROUNDS) -> np.ndarray:
+def draw_rounds(streams: ObservedStreams, sets: Split, seed: int, rounds: int = ROUNDS) -> np.ndarray:
     """Row numbers of the streams of a game (rounds,): every class equally likely, no stream twice."""
     rng = np.random.default_rng(seed)
     test = rng.permutation(sets.test)
@@ -73,9 +74,9 @@ def draw_rounds(streams: LabelledStreams, sets: Split, seed: int, rounds: int = 
     return np.array([left[c].pop() for c in rng.integers(len(left), size=rounds)])
 
 
-def quiz_split(streams: LabelledStreams, seed: int = 0) -> Split:
+def quiz_split(streams: ObservedStreams, seed: int = 0) -> Split:
     """Who is asked about (test) and who was learnt from (the rest), for a classifier of that seed."""
-    return split(streams.y, seed)
+    return split(check_classes(streams).y, seed)
 
 
 def measures() -> list[tuple[str, tuple[int, ...]]]:
@@ -96,7 +97,7 @@ def measure(q: np.ndarray) -> np.ndarray:
     return np.stack([compute[kind](widths) for kind, widths in measures()], axis=1)
 
 
-def learn(streams: LabelledStreams, sets: Split, noise: float) -> Measurements:
+def learn(streams: ObservedStreams, sets: Split, noise: float) -> Measurements:
     """Measure the streams that are not asked about, at the given noise."""
     rows = np.concatenate([sets.train, sets.validation])
     return Measurements(measure(streams.observed(noise)[rows]), streams.y[rows])

@@ -18,7 +18,6 @@ from sklearn.neural_network import MLPClassifier
 from streamdash.classifier.data import (
     MIN_STREAMS,
     Cancelled,
-    LabelledStreams,
     Split,
     augmented,
     split,
@@ -27,6 +26,7 @@ from streamdash.classifier.model import BEST, Classifier, ClassifierConfig, clas
 from streamdash.classifier.train import Judged, Progress, ShouldStop, boost, check_noise, train
 from streamdash.statistics.features import FeatureMap
 from streamdash.statistics.scores import Scores, evaluate
+from streamdash.survey.observed import ObservedStreams
 
 PAPER_DEPTHS = (2, 4, 8, 16, 32, 64, 128)
 PAPER_TREES = (10, 25, 50, 100, 150, 200)
@@ -109,7 +109,7 @@ class Importance:
 
 
 def grid_search(
-    streams: LabelledStreams,
+    streams: ObservedStreams,
     noise: float | np.ndarray,
     settings: ClassifierConfig = BEST,
     depths: Sequence[int] = PAPER_DEPTHS,
@@ -163,7 +163,7 @@ def grid_search(
 
 
 def learning_curve(
-    streams: LabelledStreams,
+    streams: ObservedStreams,
     noise: float | np.ndarray,
     settings: ClassifierConfig = BEST,
     sizes: Sequence[int] | None = None,
@@ -195,7 +195,7 @@ def learning_curve(
 
 
 def noise_curve(
-    streams: LabelledStreams,
+    streams: ObservedStreams,
     settings: ClassifierConfig = BEST,
     noises: Sequence[float] = NOISES,
     progress: Progress | None = None,
@@ -212,7 +212,7 @@ def noise_curve(
 
 def importance(
     judged: Judged,
-    streams: LabelledStreams,
+    streams: ObservedStreams,
     noise: float | np.ndarray,
     block: float = BLOCK_DEG,
     n_repeats: int = 3,
@@ -228,16 +228,16 @@ def importance(
     Parameters
     ----------
     block : float
-        Width of the blocks in the unit of ``streams.ell``.
+        Width of the blocks in the unit of ``streams.centers``.
     """
-    edges = _block_edges(streams.ell, block)
+    edges = _block_edges(streams.centers, block)
     clean = streams.clean[judged.rows]
     errors = streams.observed(noise)[judged.rows] - clean
     base = _loss_and_accuracy(judged.classifier, clean + errors, judged.y)
     rng = np.random.default_rng(judged.classifier.card.settings.seed)
     change = np.zeros((n_repeats, len(edges) - 1, 2))
     for b in range(len(edges) - 1):
-        share = _window(streams.ell, edges, b)
+        share = _window(streams.centers, edges, b)
         for r in range(n_repeats):
             _stop_if_asked(should_stop)
             mixed = clean + share * (clean[rng.permutation(len(clean))] - clean) + errors
@@ -258,7 +258,7 @@ class Contender:
 
 
 def compare(
-    streams: LabelledStreams,
+    streams: ObservedStreams,
     noise: float | np.ndarray,
     presets: Mapping[str, ClassifierConfig],
     progress: Progress | None = None,
@@ -287,7 +287,7 @@ def compare(
 
 
 def _network(
-    name: str, streams: LabelledStreams, noise: float | np.ndarray, settings: ClassifierConfig
+    name: str, streams: ObservedStreams, noise: float | np.ndarray, settings: ClassifierConfig
 ) -> Contender:
     """A dense network on the features of some settings, on the same split."""
     started = time.perf_counter()

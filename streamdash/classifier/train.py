@@ -1,7 +1,7 @@
 """The paper's second method: which mass range perturbed this stream? (paper §2.5, §3.2)
 
 StandardScaler → PCA (and summary features) → gradient-boosted trees → temperature.
-`train` takes plain arrays (`LabelledStreams`) and returns a `Classifier`; two presets matter,
+`train` takes streams as they are observed (`ObservedStreams`) and returns a `Classifier`; two presets matter,
 ``paper`` (8 components, nothing else) and ``best``, the default. `scores` of the test set
 travel with the model in its `ModelCard`.
 """
@@ -24,14 +24,15 @@ from scipy.special import log_softmax
 from streamdash.classifier.data import (
     Cancelled,
     ClassifierError,
-    LabelledStreams,
     Split,
     augmented,
+    check_classes,
     split,
 )
 from streamdash.classifier.model import BEST, SCHEMA, Classifier, ClassifierConfig, ModelCard, class_margins
 from streamdash.statistics.features import FeatureMap
 from streamdash.statistics.scores import Scores, evaluate
+from streamdash.survey.observed import ObservedStreams
 
 Progress = Callable[[int, int], None]
 ShouldStop = Callable[[], bool]
@@ -45,7 +46,7 @@ class Judged:
     ----------
     classifier : Classifier
     rows : ndarray (n_test,)
-        Row numbers of the test streams (see `LabelledStreams.locate`).
+        Row numbers of the test streams (see `ObservedStreams.locate`).
     y : ndarray (n_test,)
         True classes.
     probability : ndarray (n_test, n_classes)
@@ -68,14 +69,14 @@ class Judged:
         return self.rows[inside[np.argsort(self.probability[inside, taken_for])]]
 
 
-def model_key(streams: LabelledStreams, noise: float | np.ndarray, settings: ClassifierConfig) -> str:
+def model_key(streams: ObservedStreams, noise: float | np.ndarray, settings: ClassifierConfig) -> str:
     """Name of the model that `train` would return: a hash of everything it depends on."""
     text = json.dumps([SCHEMA, streams.digest, np.asarray(noise, float).tolist(), settings.key])
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def train(
-    streams: LabelledStreams,
+    streams: ObservedStreams,
     noise: float | np.ndarray,
     settings: ClassifierConfig = BEST,
     progress: Progress | None = None,
@@ -92,7 +93,7 @@ def train(
 
     Parameters
     ----------
-    streams : LabelledStreams
+    streams : ObservedStreams
     noise : float or ndarray (n_bins,)
         σ_ε per bin.
     settings : ClassifierConfig
@@ -109,10 +110,11 @@ def train(
     Raises
     ------
     ClassifierError
-        When the noise is negative or does not fit the bins.
+        When the streams make no classes, or the noise is negative or does not fit the bins.
     Cancelled
         When ``should_stop`` said so.
     """
+    check_classes(streams)
     check_noise(noise, streams.n_bins)
     started = time.perf_counter()
     sets = sets or split(streams.y, settings.seed)
@@ -132,7 +134,7 @@ def train(
         data_keys=streams.keys,
         data_digest=streams.digest,
         n_streams=tuple(len(q) for q in streams.q),
-        ell=tuple(streams.ell.tolist()),
+        ell=tuple(streams.centers.tolist()),
         noise=np.asarray(noise, float).tolist(),
         settings=settings,
         n_trees=n_trees,
@@ -146,7 +148,7 @@ def train(
 
 def judge(
     classifier: Classifier,
-    streams: LabelledStreams,
+    streams: ObservedStreams,
     sets: Split | None = None,
     seconds: float = math.nan,
 ) -> Judged:
@@ -249,7 +251,7 @@ def fit_temperature(margins: np.ndarray, y: np.ndarray) -> float:
 
 
 def _tune_on_validation(
-    streams: LabelledStreams,
+    streams: ObservedStreams,
     noise: float | np.ndarray,
     settings: ClassifierConfig,
     sets: Split,

@@ -97,13 +97,13 @@ def kept_by_statistics(cache: Cache, configs: Mapping[str, EnsembleConfig]) -> t
     -------
     numbers, markdown : the same as plain numbers and as tables.
     """
-    from streamdash.classifier.data import read_streams
     from streamdash.paper.evidence import NOISE, THREE_CLASSES, TWO_CLASSES
     from streamdash.paper.statistics import compare_statistics, statistics_markdown, statistics_numbers
+    from streamdash.survey.observed import ObservedStreams
 
     found = []
     for labels in (TWO_CLASSES, THREE_CLASSES):
-        streams = read_streams(cache, [configs[label] for label in labels])
+        streams = ObservedStreams.read(cache, [configs[label] for label in labels])
         found.append(statistics_numbers(compare_statistics(streams, NOISE), labels, NOISE))
     return found, "\n".join(statistics_markdown(numbers) for numbers in found)
 

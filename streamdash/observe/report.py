@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from streamdash.config import mass_label, parse_mass_range
-from streamdash.naming import mass_text
+from streamdash.naming import label_text, mass_text
 from streamdash.observe.observation import NAMES, Observation
 from streamdash.observe.resemblance import DOUBTFUL, UNLIKE
 from streamdash.observe.verdict import Prepared, Verdict
@@ -128,8 +128,8 @@ def agreement(result: dict[str, Any]) -> str:
 
 
 def name(entry: dict[str, Any]) -> str:
-    """Mass range of a class for people."""
-    return mass_text(parse_mass_range(entry["mass_range"]))
+    """A class as people call it."""
+    return label_text(entry["mass_range"])
 
 
 def percent(value: float) -> str:
@@ -223,9 +223,10 @@ def text(result: dict[str, Any]) -> str:
     quality = result["quality"]
     lines += ["", f"Simulated streams observed like this one ({quality['n_held_out']} held out), in counts"]
     labels = [c["mass_range"] for c in result["classes"]]
-    lines.append("  " + " " * (width + 6) + "".join(f"{label:>12}" for label in labels) + "  (taken for)")
+    cell = max(12, width + 2)
+    lines.append("  " + " " * (width + 6) + "".join(f"{label:>{cell}}" for label in labels) + "  (taken for)")
     for label, row in zip(labels, quality["confusion"], strict=True):
-        lines.append(f"  true {label:{width}} " + "".join(f"{n:12d}" for n in row))
+        lines.append(f"  true {label:{width}} " + "".join(f"{n:{cell}d}" for n in row))
     lines.append(
         f"  right: {100 * quality['accuracy']:.1f} ± {100 * quality['accuracy_error']:.1f} %; calibration "
         f"error {quality['calibration_error']:.3f}; PDF evidence alone: "

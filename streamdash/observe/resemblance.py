@@ -31,11 +31,11 @@ import numpy as np
 import xgboost
 from sklearn.decomposition import PCA
 
-from streamdash.classifier.data import LabelledStreams
 from streamdash.classifier.model import Boosting, ClassifierConfig, class_margins
 from streamdash.classifier.train import boost
 from streamdash.statistics.features import summarise
 from streamdash.survey.design import measured
+from streamdash.survey.observed import ObservedStreams
 
 UNLIKE = 0.01
 """Below this p-value a profile is said to resemble no class."""
@@ -167,7 +167,7 @@ class Likeness:
 
 
 def learn_likeness(
-    streams: LabelledStreams,
+    streams: ObservedStreams,
     sigma: np.ndarray,
     smooth: np.ndarray,
     known: np.ndarray,
@@ -178,12 +178,12 @@ def learn_likeness(
 
     Parameters
     ----------
-    streams : LabelledStreams
+    streams : ObservedStreams
         Streams in the design's bins.
     sigma : ndarray (n_bin,)
         Error of each bin relative to the smooth curve.
     smooth : ndarray (n_bin,)
-        The unperturbed stream, like `LabelledStreams.clean`.
+        The unperturbed stream, like `ObservedStreams.clean`.
     known, held_out : ndarray of int
         Rows to learn from, and rows to rank profiles among.
     """
@@ -193,7 +193,7 @@ def learn_likeness(
 
     def seen(clean: np.ndarray, noise: np.ndarray | float = 1.0) -> np.ndarray:
         draws = np.asarray(noise, np.float32) * rng.standard_normal(clean.shape, dtype=np.float32)
-        return cloud.features(measured(clean, draws, sigma, streams.fit))
+        return cloud.features(measured(clean, draws, sigma, streams.design.fit))
 
     real = np.concatenate([cloud.features(observed[known]), seen(streams.clean[known])])
     smooth = smooth.astype(np.float32)

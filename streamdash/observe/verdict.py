@@ -16,25 +16,23 @@ import numpy as np
 from streamdash.classifier.data import (
     Cancelled,
     ClassifierError,
-    LabelledStreams,
     Split,
     augmented,
+    check_classes,
     split,
 )
 from streamdash.classifier.model import BEST, Classifier, ClassifierConfig
 from streamdash.classifier.train import Judged, Progress, ShouldStop, boost, train
 from streamdash.config import EnsembleConfig
-from streamdash.engine.geometry import Geometry
 from streamdash.observe.evidence import PdfEvidence, PdfJudge, learn_pdfs
 from streamdash.observe.observation import Observation
 from streamdash.observe.replicas import Replicas, learn_replicas
 from streamdash.observe.resemblance import Likeness, Resemblance, learn_likeness
-from streamdash.simulation.geometry import load_geometry
 from streamdash.statistics.features import FeatureMap
 from streamdash.statistics.scores import evaluate
 from streamdash.store.cache import Cache
-from streamdash.survey.bands import noise_draws
-from streamdash.survey.design import Design, divided, observe_as, smooth_as
+from streamdash.survey.design import Design, divided
+from streamdash.survey.observed import ObservedStreams
 
 N_MODELS = 8
 """Models trained on resampled streams; their spread is part of the uncertainty."""
@@ -51,8 +49,8 @@ class Prepared:
     Attributes
     ----------
     design : Design
-    streams : LabelledStreams
-        Every simulated stream in the design's bins; not divided, no noise.
+    streams : ObservedStreams
+        Every simulated stream in the design's bins.
     smooth : ndarray (n_bin,)
         The unperturbed stream, divided as the design says.
     models : tuple of Classifier
@@ -66,7 +64,7 @@ class Prepared:
     """
 
     design: Design
-    streams: LabelledStreams
+    streams: ObservedStreams
     smooth: np.ndarray
     models: tuple[Classifier, ...]
     judged: Judged
@@ -155,49 +153,22 @@ def prepare(
     ------
     StoreError
         When an ensemble is missing or damaged.
-    ClassifierError
-        When they do not make classes of one problem.
+    ValueError
+        When they are not of one stream, or make no classes (`ClassifierError`).
     Cancelled
         When ``should_stop`` said so.
     """
-    configs = [e if isinstance(e, EnsembleConfig) else cache.find(e).config for e in ensembles]
-    if len({config.stream.key for config in configs}) > 1:
-        raise ClassifierError("All mass ranges must be simulated for the same stream.")
-    geometry = load_geometry(configs[0].stream, cache)
-    streams, smooth = observed_streams(cache, configs, geometry, design)
-    return learn(streams, smooth, design, progress, should_stop, settings)
-
-
-def observed_streams(
-    cache: Cache, configs: Sequence[EnsembleConfig], geometry: Geometry, design: Design
-) -> tuple[LabelledStreams, np.ndarray]:
-    """Every stream of some ensembles in the design's bins, and the unperturbed stream."""
-    datasets = [cache.open_ensemble(config) for config in configs]
-    q = [observe_as(geometry, dataset, design) for dataset in datasets]
-    smooth = smooth_as(geometry, datasets[0], design)
-    # One scale for all: the density's unit means nothing.
-    scale = np.float32(smooth.mean())
-    streams = LabelledStreams(
-        tuple(x / scale for x in q),
-        tuple(noise_draws(config, x.shape) for config, x in zip(configs, q, strict=True)),
-        tuple(config.perturbers.label for config in configs),
-        tuple(config.key for config in configs),
-        design.centers,
-        tuple(dataset["n_impacts"].to_numpy() for dataset in datasets),
-        design.fit,
-    )
-    return streams, smooth / scale
+    return learn(ObservedStreams.read(cache, ensembles, design), progress, should_stop, settings)
 
 
 def learn(
-    streams: LabelledStreams,
-    smooth: np.ndarray,
-    design: Design,
+    streams: ObservedStreams,
     progress: Progress | None = None,
     should_stop: ShouldStop | None = None,
     settings: ClassifierConfig = BEST,
 ) -> Prepared:
     """`prepare` for streams that are observed already."""
+    design, smooth = check_classes(streams).design, streams.smooth
     steps = _Steps(progress, should_stop, 4 + N_MODELS)
     sets = split(streams.y, settings.seed)
     known = np.concatenate([sets.train, sets.validation])
@@ -258,7 +229,7 @@ def _committee(judged: Judged, models: Sequence[Classifier], held_out: np.ndarra
 
 
 def _resampled(
-    judged: Judged, streams: LabelledStreams, design: Design, sets: Split, number: int
+    judged: Judged, streams: ObservedStreams, design: Design, sets: Split, number: int
 ) -> Classifier:
     """The classifier trained once more, on streams drawn with replacement."""
     card = judged.classifier.card

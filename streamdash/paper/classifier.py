@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from streamdash.classifier.data import LabelledStreams, read_streams
 from streamdash.classifier.model import BEST, PAPER, PAPER_CLASSES, ClassifierConfig, paper_scores
 from streamdash.classifier.studies import grid_search
 from streamdash.classifier.train import Judged, train
 from streamdash.config import EnsembleConfig
 from streamdash.store.cache import Cache
+from streamdash.survey.observed import ObservedStreams
 
 SEEDS = (0, 1, 2)
 """Splits that everything is repeated for; tables show the first, and the lowest of all."""
@@ -50,12 +50,12 @@ def classifier_results(
     results: dict[str, Any] = {"noise": noise, "seeds": list(seeds)}
     for name, labels in zip(("two", "three"), PAPER_CLASSES.values(), strict=True):
         if set(labels) <= set(ensembles):
-            streams = read_streams(cache, [ensembles[label] for label in labels])
+            streams = ObservedStreams.read(cache, [ensembles[label] for label in labels])
             results[name] = results_of(streams, noise, seeds, workers)
     return results
 
 
-def results_of(streams: LabelledStreams, noise: float, seeds: Sequence[int], workers: int) -> dict[str, Any]:
+def results_of(streams: ObservedStreams, noise: float, seeds: Sequence[int], workers: int) -> dict[str, Any]:
     """Results for one set of classes, as one entry of `classifier_results`."""
     grid = grid_search(streams, noise, PAPER, workers=workers)
     chosen = grid.settings.boosting
@@ -76,7 +76,7 @@ def results_of(streams: LabelledStreams, noise: float, seeds: Sequence[int], wor
 
 
 def _repeated(
-    streams: LabelledStreams,
+    streams: ObservedStreams,
     noise: float,
     settings: ClassifierConfig,
     seeds: Sequence[int],
@@ -97,7 +97,7 @@ def _repeated(
     }
 
 
-def _confused(streams: LabelledStreams, judged: Judged) -> list[dict[str, Any]]:
+def _confused(streams: ObservedStreams, judged: Judged) -> list[dict[str, Any]]:
     """What sets the wrong streams of each class apart from the right ones: impacts and spread of Qρ."""
     taken_for = judged.probability.argmax(axis=1)
     rows = []

@@ -17,13 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from streamdash.classifier.data import LabelledStreams, split
+from streamdash.classifier.data import split
 from streamdash.classifier.model import BEST, ClassifierConfig
 from streamdash.classifier.train import Judged, Progress, ShouldStop, train
 from streamdash.statistics.features import FeatureMap, FeatureSet
 from streamdash.statistics.joint import JointEvidence, joint_evidence
 from streamdash.statistics.pdf import measure_pdfs
 from streamdash.statistics.spectrum import power_spectrum
+from streamdash.survey.observed import ObservedStreams
 
 PDF, POWER, PROFILE = "PDF of Qρ", "power spectrum", "profile"
 STATISTICS: dict[str, FeatureSet] = {
@@ -63,7 +64,7 @@ class Kept:
 
 
 def compare_statistics(
-    streams: LabelledStreams,
+    streams: ObservedStreams,
     noise: float,
     settings: ClassifierConfig = BEST,
     progress: Progress | None = None,
@@ -74,7 +75,7 @@ def compare_statistics(
 
     Parameters
     ----------
-    streams : LabelledStreams
+    streams : ObservedStreams
     noise : shot noise σ_ε per bin.
     settings : everything about the classifiers but their features.
 
@@ -112,7 +113,7 @@ def information(judged: Judged) -> tuple[float, float]:
 
 
 def statistics_evidence(
-    streams: LabelledStreams, noise: float, seed: int = 0
+    streams: ObservedStreams, noise: float, seed: int = 0
 ) -> dict[str, dict[tuple[int, int], JointEvidence]]:
     """ln B^{fid i}_ij of every two classes from each statistic, on the held-out streams of a split.
 

@@ -9,16 +9,16 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
-from streamdash.classifier.data import LabelledStreams, read_streams
 from streamdash.classifier.model import BEST, ClassifierConfig, paper_scores
 from streamdash.classifier.train import Judged, train
-from streamdash.config import EnsembleConfig, parse_mass_range
-from streamdash.naming import class_colour, mass_text
+from streamdash.config import EnsembleConfig
+from streamdash.naming import class_colour, label_text
 from streamdash.plots.elements import GREY, error_bars, framed, line, points
 from streamdash.plots.live import TOOLS, Backend, Columns, use
 from streamdash.plots.style import COORDINATE_LABELS, INK
 from streamdash.statistics.scores import calibration, roc
 from streamdash.store.cache import Cache
+from streamdash.survey.observed import ObservedStreams
 
 SELECTED = "selected"
 _CORNERS = ("left", "bottom", "right", "top")
@@ -50,7 +50,7 @@ def confusion_figure(
         ``matplotlib`` for files, ``bokeh`` for the browser.
     """
     # Collect
-    streams = read_streams(cache, ensembles)
+    streams = ObservedStreams.read(cache, ensembles)
     # Compute
     judged = train(streams, noise, settings)
     # Plot
@@ -59,7 +59,7 @@ def confusion_figure(
 
 def class_names(labels: Sequence[str]) -> list[str]:
     """Classes as people read them: ``10³–10⁵ M☉``."""
-    return [mass_text(parse_mass_range(label)) for label in labels]
+    return [label_text(label) for label in labels]
 
 
 # ---------------------------------------------------------------- confusion matrix
@@ -251,7 +251,7 @@ def calibration_sentence(judged: Judged) -> str:
 
 
 def draw_streams(
-    streams: LabelledStreams, judged: Judged, rows: np.ndarray, backend: Backend, dark: bool = False
+    streams: ObservedStreams, judged: Judged, rows: np.ndarray, backend: Backend, dark: bool = False
 ) -> list[hv.Overlay]:
     """The least certain streams of a cell: as observed (thin) and without noise (thick), one plot each."""
     use(backend)
@@ -259,8 +259,8 @@ def draw_streams(
     owner, index = streams.locate(rows[:SHOWN_STREAMS])
     shown = []
     for row, c, i in zip(rows, owner, index, strict=False):
-        clean = line("stream", streams.ell, streams.clean[row], class_colour(c), backend)
-        noisy = line("observed", streams.ell, observed[row], GREY, backend)
+        clean = line("stream", streams.centers, streams.clean[row], class_colour(c), backend)
+        noisy = line("observed", streams.centers, observed[row], GREY, backend)
         if backend == "bokeh":
             noisy = noisy.opts(line_width=0.8, backend=backend)
         else:
@@ -269,7 +269,7 @@ def draw_streams(
             [noisy, clean],
             COORDINATE_LABELS["ell"],
             "Qρ",
-            (streams.ell.min(), streams.ell.max()),
+            (streams.centers.min(), streams.centers.max()),
             (0, 3),
             backend,
             f"stream {i}" if backend == "matplotlib" else "",
@@ -280,7 +280,7 @@ def draw_streams(
     return shown
 
 
-def streams_layout(streams: LabelledStreams, judged: Judged, rows: np.ndarray) -> hv.Layout:
+def streams_layout(streams: ObservedStreams, judged: Judged, rows: np.ndarray) -> hv.Layout:
     """The least certain streams of a cell on one page, for a file."""
     use("matplotlib")
     shown = draw_streams(streams, judged, rows, "matplotlib")
@@ -289,7 +289,7 @@ def streams_layout(streams: LabelledStreams, judged: Judged, rows: np.ndarray) -
     return hv.Layout(shown).cols(2)
 
 
-def streams_table(streams: LabelledStreams, judged: Judged, rows: np.ndarray) -> pd.DataFrame:
+def streams_table(streams: ObservedStreams, judged: Judged, rows: np.ndarray) -> pd.DataFrame:
     """All streams of a cell: which they are, and the probability of each class."""
     owner, index = streams.locate(rows)
     probability = judged.probability[np.searchsorted(judged.rows, rows)]
@@ -313,7 +313,7 @@ def stream_caption(record: dict[str, Any]) -> str:
     return f"Stream {record['stream']}{impacts} · {shares}"
 
 
-def streams_sentence(streams: LabelledStreams, judged: Judged, truth: int, taken_for: int) -> str:
+def streams_sentence(streams: ObservedStreams, judged: Judged, truth: int, taken_for: int) -> str:
     """What sets the streams of a cell apart from those of their class that are put right."""
     names = class_names(judged.classifier.card.labels)
     rows, right = judged.cell(truth, taken_for), judged.cell(truth, truth)
@@ -330,7 +330,7 @@ def streams_sentence(streams: LabelledStreams, judged: Judged, truth: int, taken
     return f"{text} among those put right."
 
 
-def _median_impacts(streams: LabelledStreams, rows: np.ndarray) -> float:
+def _median_impacts(streams: ObservedStreams, rows: np.ndarray) -> float:
     owner, index = streams.locate(rows)
     return float(np.median([streams.n_impacts[c][i] for c, i in zip(owner, index, strict=True)]))
 

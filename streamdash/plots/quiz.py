@@ -10,14 +10,14 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import uniform_filter1d
 
-from streamdash.classifier.data import LabelledStreams, read_streams
 from streamdash.classifier.quiz import Clue, draw_rounds, find_clue, learn, quiz_split
-from streamdash.config import EnsembleConfig, parse_mass_range
-from streamdash.naming import class_colour, mass_text
+from streamdash.config import EnsembleConfig
+from streamdash.naming import class_colour, class_labels
 from streamdash.plots.elements import framed, level_lines, line, nice_top, points, step_line
 from streamdash.plots.live import Backend, use
 from streamdash.plots.style import COORDINATE_LABELS, INK
 from streamdash.store.cache import Cache
+from streamdash.survey.observed import ObservedStreams
 
 OBSERVED, AVERAGED, TRUTH = "observed", "averaged", "truth {}"
 """Labels of a round's elements; one for each class's truth, of which at most one is shown."""
@@ -66,7 +66,7 @@ def quiz_figure(
 ) -> hv.Overlay:
     """The stream of round ``number``, from 1; with ``reveal`` also without noise, in its class's colour."""
     # Collect
-    streams = read_streams(cache, ensembles)
+    streams = ObservedStreams.read(cache, ensembles)
     # Compute
     rows = draw_rounds(streams, quiz_split(streams), game)
     shown = make_round(streams, streams.observed(noise), int(rows[number - 1]), noise)
@@ -84,21 +84,21 @@ def clue_figure(
 ) -> hv.Overlay:
     """What gives the stream of one round away."""
     # Collect
-    streams = read_streams(cache, ensembles)
+    streams = ObservedStreams.read(cache, ensembles)
     # Compute
     sets = quiz_split(streams)
     row = int(draw_rounds(streams, sets, game)[number - 1])
     clue = find_clue(learn(streams, sets, noise), streams.observed(noise)[row], int(streams.y[row]))
     # Plot
-    return draw_clue(clue, _degrees(streams.ell), backend)
+    return draw_clue(clue, _degrees(streams.centers), backend)
 
 
-def make_round(streams: LabelledStreams, observed: np.ndarray, row: int, noise: float) -> Round:
+def make_round(streams: ObservedStreams, observed: np.ndarray, row: int, noise: float) -> Round:
     """The stream of a row number of the pooled streams; ``observed`` are all of them with noise."""
     truth, index = (int(part) for part in streams.locate(np.array(row)))
     n_impacts = int(streams.n_impacts[truth][index]) if streams.n_impacts else 0
-    names = tuple(mass_text(parse_mass_range(label)) for label in streams.labels)
-    return Round(streams.ell, observed[row], streams.clean[row], truth, n_impacts, names, noise)
+    names = tuple(class_labels(streams.configs))
+    return Round(streams.centers, observed[row], streams.clean[row], truth, n_impacts, names, noise)
 
 
 # ---------------------------------------------------------------- plot

@@ -14,7 +14,6 @@ from streamdash.naming import class_colour, model_text
 from streamdash.plots.elements import GREY, framed, hover_spans, line
 from streamdash.plots.live import Backend, Columns, area_columns, use
 from streamdash.plots.style import INK
-from streamdash.simulation.geometry import load_geometry
 from streamdash.statistics.bispectrum import Bispectrum
 from streamdash.statistics.spectra_in_noise import (
     PAPER_APART_DEG,
@@ -25,8 +24,8 @@ from streamdash.statistics.spectra_in_noise import (
 )
 from streamdash.statistics.spectrum import KINDS, SpectrumBand, observed_spectra, shot_noise_level
 from streamdash.store.cache import Cache
-from streamdash.survey import sky
-from streamdash.survey.bands import noise_draws
+from streamdash.survey.design import default_design
+from streamdash.survey.observed import ObservedStreams, open_ensembles
 
 X_LABEL = "1/k (deg)"
 Y_LABELS = {
@@ -72,7 +71,7 @@ def spectrum_figure(
 
 def collect(
     cache: Cache, ensembles: Sequence[str | EnsembleConfig], noise: float
-) -> tuple[list[EnsembleConfig], Shown]:
+) -> tuple[tuple[EnsembleConfig, ...], Shown]:
     """Read ensembles of one stream and take their spectra along longitude, with shot noise.
 
     Raises
@@ -80,17 +79,13 @@ def collect(
     StoreError
         When an ensemble is missing or damaged.
     """
-    configs = [e if isinstance(e, EnsembleConfig) else cache.find(e).config for e in ensembles]
-    geometry = load_geometry(configs[0].stream, cache)
-    edges = sky.longitude_bins(geometry)
-    n_bin, step = len(edges) - 1, abs(float(edges[1] - edges[0]))
-    spectra = [
-        observed_spectra(
-            geometry, cache.open_ensemble(config), edges, noise_draws(config, (config.n_streams, n_bin))
-        )
-        for config in configs
-    ]
-    return configs, show(spectra, shot_noise_level(n_bin, step), noise)
+    opened = open_ensembles(cache, ensembles)
+    spectra = []
+    for config, dataset in zip(opened.configs, opened.datasets, strict=True):
+        streams = ObservedStreams.of(opened.geometry, dataset, config)
+        spectra.append(observed_spectra(opened.geometry, dataset, streams))
+    design = default_design(opened.geometry)
+    return opened.configs, show(spectra, shot_noise_level(design.n_bin, design.step), noise)
 
 
 # ---------------------------------------------------------------- plot: spectra

@@ -8,7 +8,6 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
-from streamdash.classifier.data import read_streams
 from streamdash.config import EnsembleConfig, StreamModel
 from streamdash.engine.flyby import Film, Flyby, film, flyby_impacts
 from streamdash.engine.geometry import Geometry
@@ -20,6 +19,7 @@ from streamdash.plots.style import COORDINATE_LABELS, INK
 from streamdash.simulation.geometry import load_geometry
 from streamdash.store.cache import Cache
 from streamdash.survey.flyby import struck
+from streamdash.survey.observed import ObservedStreams
 from streamdash.survey.story import Pieces, Track, deviations, pieces, track
 
 NOISE = "noise"
@@ -65,13 +65,11 @@ def pair_figure(
 ) -> hv.Overlay:
     """Stream ``number`` of each ensemble."""
     # Collect
-    streams = read_streams(cache, ensembles)
+    streams = ObservedStreams.read(cache, ensembles)
     # Compute
-    rows = [number % len(q) for q in streams.q]
-    clean = [q[row] for q, row in zip(streams.q, rows, strict=True)]
-    noisy = [q + noise * d[row] for q, d, row in zip(clean, streams.draws, rows, strict=True)]
+    clean, noisy = pair(streams, number, noise)
     # Plot
-    return draw_pair(streams.ell, clean, noisy, noise, backend)
+    return draw_pair(streams.centers, clean, noisy, noise, backend)
 
 
 def pieces_figure(
@@ -79,11 +77,24 @@ def pieces_figure(
 ) -> hv.Overlay:
     """Deviation of pieces of the stream from the smooth one, beside the shot noise."""
     # Collect
-    streams = read_streams(cache, ensembles)
+    streams = ObservedStreams.read(cache, ensembles)
     # Compute
     shown = pieces([deviations(q) for q in streams.q], noise)
     # Plot
     return draw_pieces(shown, backend)
+
+
+def pair(streams: ObservedStreams, number: int, noise: float) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Stream ``number`` of each class (n_bin,), counted on from the first where there are fewer.
+
+    Returns
+    -------
+    clean, noisy : lists of arrays, without noise and with it.
+    """
+    rows = [number % len(q) for q in streams.q]
+    clean = [q[row] for q, row in zip(streams.q, rows, strict=True)]
+    draws = [d[row] for d, row in zip(streams.draws, rows, strict=True)]
+    return clean, [q + noise * d for q, d in zip(clean, draws, strict=True)]
 
 
 def two_frames(geometry: Geometry, flyby: Flyby) -> Film:

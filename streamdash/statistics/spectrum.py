@@ -23,7 +23,8 @@ from scipy import signal
 
 from streamdash.engine.geometry import Geometry
 from streamdash.survey.bands import BAND
-from streamdash.survey.sky import observe, q_rho
+from streamdash.survey.observed import ObservedStreams
+from streamdash.survey.sky import observe
 
 WINDOW = "hann"
 """Taper of the profiles before they are transformed."""
@@ -206,20 +207,16 @@ def noisy_spectra(q: np.ndarray, draws: np.ndarray, track: np.ndarray, step: flo
     )
 
 
-def observed_spectra(
-    geometry: Geometry, ensemble: xr.Dataset, edges: np.ndarray, draws: np.ndarray
-) -> NoisySpectra:
-    """`noisy_spectra` of an ensemble in bins of Galactic longitude.
+def observed_spectra(geometry: Geometry, ensemble: xr.Dataset, streams: ObservedStreams) -> NoisySpectra:
+    """`noisy_spectra` of one class, in evenly spaced bins.
 
     Parameters
     ----------
     ensemble : Dataset as `streamdash.store.cache.Cache.open_ensemble` gives it.
-    edges : (n_bin + 1,) evenly spaced longitudes (deg).
-    draws : (n_streams, n_bin) standard-normal draws.
+    streams : the same ensemble as it is observed, and nothing else.
     """
-    step = abs(float(edges[1] - edges[0]))
-    q = q_rho(geometry, ensemble, edges)
-    return noisy_spectra(q, draws, track_ratio(geometry, ensemble, edges), step)
+    (q,), (draws,) = streams.q, streams.draws
+    return noisy_spectra(q, draws, track_ratio(geometry, ensemble, streams.design.edges), streams.design.step)
 
 
 def track_ratio(geometry: Geometry, ensemble: xr.Dataset, edges: np.ndarray) -> np.ndarray:

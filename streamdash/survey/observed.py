@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -54,10 +55,10 @@ class ObservedStreams:
     q: tuple[np.ndarray, ...]
     draws: tuple[np.ndarray, ...]
     n_impacts: tuple[np.ndarray, ...] = ()
-    smooth: np.ndarray | None = None
+    smooth: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        if self.smooth is None:
+        if not len(self.smooth):
             object.__setattr__(self, "smooth", np.ones(self.design.n_bin))
         if not len(self.q) == len(self.draws) == len(self.configs):
             raise ValueError("Each class needs its configuration, its streams and its noise draws.")
@@ -90,10 +91,9 @@ class ObservedStreams:
         ValueError
             When they are not of one stream, or a bin is not within the profiles.
         """
-        configs = [find_config(cache, ensemble) for ensemble in ensembles]
-        check_stream(configs)
-        geometry = load_geometry(configs[0].stream, cache)
-        return cls.join([cls.of(geometry, cache.open_ensemble(config), config, design) for config in configs])
+        opened = open_ensembles(cache, ensembles)
+        pairs = zip(opened.configs, opened.datasets, strict=True)
+        return cls.join([cls.of(opened.geometry, dataset, config, design) for config, dataset in pairs])
 
     @classmethod
     def of(
@@ -189,15 +189,20 @@ class ObservedStreams:
 
     # ------------------------------------------------------------ class by class
 
-    def noisy(self, noise: float | np.ndarray | None = None) -> list[np.ndarray]:
+    def noisy(self, noise: float | np.ndarray | None = None, number: int = 0) -> list[np.ndarray]:
         """Each class's streams as observed, (n_streams, n_bin): with noise, divided as the design says.
 
         Parameters
         ----------
         noise : errors instead of the design's: one for all bins, or one each (n_bin,).
+        number : of another draw of the noise; 0 is the streams' own.
         """
         design = self.design if noise is None else self.design.with_noise(noise)
-        return [measured(q, d, design.sigma, design.fit) for q, d in zip(self.q, self.draws, strict=True)]
+        draws = self.draws
+        if number:
+            pairs = zip(self.configs, self.q, strict=True)
+            draws = tuple(noise_draws(config, q.shape, number) for config, q in pairs)
+        return [measured(q, d, design.sigma, design.fit) for q, d in zip(self.q, draws, strict=True)]
 
     # ------------------------------------------------------------ all classes in one
 
@@ -223,23 +228,37 @@ class ObservedStreams:
         return owner, np.asarray(rows) - first[owner]
 
 
-def noise_draws(config: Config, shape: tuple[int, int]) -> np.ndarray:
+def noise_draws(config: Config, shape: tuple[int, int], number: int = 0) -> np.ndarray:
     """The fixed standard-normal draws of an ensemble, (n_streams, n_bin) float32.
 
-    The seed is the ensemble's key, so that no two ensembles share their noise.
+    The seed is the ensemble's key, so that no two ensembles share their noise; `number` above 0 names
+    another draw.
     """
-    return shot_noise(shape, int(config.key, 16))
+    return shot_noise(shape, int(config.key, 16) + number)
 
 
-def find_config(cache: Cache, ensemble: str | EnsembleConfig) -> EnsembleConfig:
-    """The configuration itself, or that of the cache's entry with this key.
+class Opened(NamedTuple):
+    """Ensembles of one stream, open, and the stream's geometry."""
+
+    geometry: Geometry
+    configs: tuple[EnsembleConfig, ...]
+    datasets: tuple[xr.Dataset, ...]
+
+
+def open_ensembles(cache: Cache, ensembles: Sequence[str | EnsembleConfig]) -> Opened:
+    """Open ensembles of one stream by their keys or configurations.
 
     Raises
     ------
     StoreError
-        When there is no such entry.
+        When one is missing or damaged.
+    ValueError
+        When they are not of one stream.
     """
-    return cache.find(ensemble).config if isinstance(ensemble, str) else ensemble
+    configs = tuple(cache.find(e).config if isinstance(e, str) else e for e in ensembles)
+    check_stream(configs)
+    geometry = load_geometry(configs[0].stream, cache)
+    return Opened(geometry, configs, tuple(cache.open_ensemble(config) for config in configs))
 
 
 def check_stream(configs: Sequence[EnsembleConfig]) -> None:

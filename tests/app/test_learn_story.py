@@ -74,11 +74,13 @@ def test_the_numbers_of_the_pattern_are_the_ensembles(open_shell, services):
     light, heavy = shell.session.ensembles
     for choice in (light, heavy):
         assert f"{float(services.ensemble(choice.key)['n_impacts'].mean()):.0f}" in bold(shell)
-        assert f"{np.median(services.q_rho(choice).std(axis=1)):.2g}" in bold(shell)
+        assert f"{np.median(services.observed([choice]).q[0].std(axis=1)):.2g}" in bold(shell)
     shown = np.array(lesson(shell).live.sources["clean 1"].data["y"])
-    np.testing.assert_array_equal(shown, services.q_rho(heavy)[0])
+    np.testing.assert_array_equal(shown, services.observed([heavy]).q[0][0])
     lesson(shell).step._draw_others()
-    np.testing.assert_array_equal(lesson(shell).live.sources["clean 1"].data["y"], services.q_rho(heavy)[1])
+    np.testing.assert_array_equal(
+        lesson(shell).live.sources["clean 1"].data["y"], services.observed([heavy]).q[0][1]
+    )
 
 
 def test_the_noise_slider_moves_dots_and_words(open_shell, services):
@@ -90,7 +92,7 @@ def test_the_noise_slider_moves_dots_and_words(open_shell, services):
     after = np.array(lesson(shell).live.sources["noisy 0"].data["y"])
     clean = np.array(lesson(shell).live.sources["clean 0"].data["y"])
     np.testing.assert_allclose(after - clean, 2 * (before - clean), atol=1e-5)
-    share = 100 * (np.abs(services.q_rho(shell.session.ensembles[0]) - 1) > 0.2).mean()
+    share = 100 * (np.abs(services.observed([shell.session.ensembles[0]]).q[0] - 1) > 0.2).mean()
     assert f"{share:.0f} %" in bold(shell)
     shell.session.noise = 0
     assert "endlessly" in words(shell)

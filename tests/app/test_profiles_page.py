@@ -15,7 +15,7 @@ from app.session.session import Session
 from app.shell import Shell
 from streamdash.plots import profiles
 from streamdash.store.cache import Cache
-from streamdash.survey import bands, sky
+from streamdash.survey import bands
 
 TWO = "?page=profiles&mass=1e3-1e5,1e5-1e9"
 
@@ -66,7 +66,7 @@ def test_the_same_noise_shows_the_same_figure_again(open_shell):
 def test_bands_are_the_quantiles_of_the_noisy_profiles(open_shell, services):
     shell = open_shell(TWO + "&noise=0.3")
     for index, choice in enumerate(shell.session.ensembles):
-        values = sky.add_noise(services.q_rho(choice), services.draws(choice), 0.3)
+        (values,) = services.observed([choice]).noisy(0.3)
         expected = np.quantile(values, [0.16, 0.5, 0.84], axis=0)
         found = shown(shell, index, profiles.MEDIAN)
         for name, quantile in zip(("low", "q_rho", "high"), expected, strict=True):
@@ -76,7 +76,7 @@ def test_bands_are_the_quantiles_of_the_noisy_profiles(open_shell, services):
 def test_highlighted_lines_are_streams_of_the_ensemble_with_their_noise(open_shell, services):
     shell = open_shell(TWO + "&noise=0.1&highlight=4&seed=7")
     choice = shell.session.ensembles[1]
-    values = sky.add_noise(services.q_rho(choice), services.draws(choice), 0.1)
+    (values,) = services.observed([choice]).noisy(0.1)
     lines = shown(shell, 1, profiles.HIGHLIGHTS)
     numbers = np.unique(lines["stream"])
     assert len(numbers) == 4
@@ -99,7 +99,7 @@ def test_draw_others_and_the_number_of_highlights(open_shell):
 def test_image_counts_every_stream_where_nothing_leaves_the_frame(open_shell, services):
     shell = open_shell(TWO + "&noise=0")
     choice = shell.session.ensembles[0]
-    values = services.q_rho(choice)
+    values = services.observed([choice]).q[0]
     rows, _ = np.histogram(values[:, 100], bins=bands.IMAGE_ROWS, range=bands.RANGES["q_rho"])
     image = shown(shell, 0, profiles.STREAMS)["image"][0]
     assert image.dtype == np.uint8

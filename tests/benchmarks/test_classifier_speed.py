@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from streamdash.classifier.data import read_streams
 from streamdash.classifier.model import BEST, PAPER_CLASSES
 from streamdash.classifier.train import train
 from streamdash.store.cache import Cache
+from streamdash.survey.observed import ObservedStreams
 
 TRAINING_S = 10.0
 PREDICTION_S = 0.020
@@ -17,7 +17,7 @@ PREDICTION_S = 0.020
 def streams(shipped_cache):
     cache = Cache.default(shipped_cache)
     keys = {entry.config.perturbers.label: entry.key for entry in cache.entries() if entry.kind == "ensemble"}
-    return read_streams(cache, [keys[label] for label in PAPER_CLASSES[3]])
+    return ObservedStreams.read(cache, [keys[label] for label in PAPER_CLASSES[3]])
 
 
 @pytest.mark.benchmark(group="classifier")

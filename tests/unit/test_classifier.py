@@ -8,24 +8,28 @@ import pytest
 from streamdash.classifier.data import (
     Cancelled,
     ClassifierError,
-    LabelledStreams,
     augmented,
+    check_classes,
     split,
 )
 from streamdash.classifier.model import BEST, PAPER, Boosting, ClassifierConfig
 from streamdash.classifier.train import fit_temperature, model_key, train
 from streamdash.statistics.features import ALL_SUMMARIES, FeatureMap, FeatureSet, summarise
 from streamdash.statistics.scores import calibration
+from streamdash.survey.observed import ObservedStreams
+from tests.unit import made_up
 
 LABELS = ("1e3-1e5", "1e5-1e7", "1e7-1e9")
+FIVE = (*LABELS, "1e9-1e10", "1e10-1e11")
 N_BINS = 60
+ONES = [np.ones((120, N_BINS), np.float32)] * 3
 SMALL = ClassifierConfig(
     features=FeatureSet(n_pca=5, scales=(3, 9)),
     boosting=Boosting(max_depth=3, n_estimators=40, learning_rate=0.2, early_stopping_rounds=10),
 )
 
 
-def toy(amplitudes=(0.0, 0.5, 2.0), n_streams=120, seed=0) -> LabelledStreams:
+def toy(amplitudes=(0.0, 0.5, 2.0), n_streams=120, seed=0) -> ObservedStreams:
     """Classes that differ in the amplitude of one wave, by far more than it varies within a class."""
     rng = np.random.default_rng(seed)
     x = np.linspace(0, 2 * np.pi, N_BINS)
@@ -34,7 +38,7 @@ def toy(amplitudes=(0.0, 0.5, 2.0), n_streams=120, seed=0) -> LabelledStreams:
         size = amplitude * rng.choice([0.9, 1.0, 1.1], (n_streams, 1))
         q.append((1 + size * np.sin(2 * x)).astype(np.float32))
     draws = tuple(rng.standard_normal(a.shape, dtype=np.float32) for a in q)
-    return LabelledStreams(tuple(q), draws, LABELS[: len(q)])
+    return made_up.observed(q, draws, LABELS[: len(q)])
 
 
 @pytest.mark.parametrize("amplitudes", [(0.0, 1.0), (0.0, 0.5, 2.0)])
@@ -51,7 +55,7 @@ def test_shuffled_labels_leave_chance():
     streams = toy(n_streams=400)
     order = np.random.default_rng(1).permutation(1200)
     q = streams.clean[order].reshape(3, 400, N_BINS)
-    judged = train(LabelledStreams(tuple(q), streams.draws, LABELS), 0.01, SMALL)
+    judged = train(made_up.observed(q, streams.draws, LABELS), 0.01, SMALL)
     # 300 test streams of 3 classes: chance is 1/3 with a standard deviation of 0.027
     assert abs(judged.scores.values["overall_accuracy"] - 1 / 3) < 4 * 0.0272
     assert np.all(np.abs(judged.scores.values["auc"] - 0.5) < 0.15)
@@ -64,7 +68,7 @@ def test_temperature_calibrates_labels_that_are_partly_noise():
     y = streams.y ^ (rng.random(3000) < 0.15)
     q = tuple(streams.clean[y == c] for c in (0, 1))
     draws = tuple(rng.standard_normal(a.shape, dtype=np.float32) for a in q)
-    judged = train(LabelledStreams(q, draws, LABELS[:2]), 0.01, SMALL)
+    judged = train(made_up.observed(q, draws, LABELS[:2]), 0.01, SMALL)
     assert judged.scores.values["overall_accuracy"] == pytest.approx(0.85, abs=0.04)
     assert calibration(judged.y, judged.probability).ece < 0.05
 
@@ -114,7 +118,7 @@ def test_test_streams_do_not_reach_the_model():
     test = split(streams.y, SMALL.seed).test
     changed = streams.clean.copy()
     changed[test] = 1 + np.random.default_rng(0).normal(0, 5, (len(test), N_BINS))
-    other = LabelledStreams(tuple(changed.reshape(3, 120, N_BINS)), streams.draws, LABELS)
+    other = made_up.observed(changed.reshape(3, 120, N_BINS), streams.draws, LABELS)
     a, b = train(streams, 0.1, SMALL), train(other, 0.1, SMALL)
     assert a.classifier.booster.save_raw("ubj") == b.classifier.booster.save_raw("ubj")
     np.testing.assert_array_equal(a.classifier.features.components, b.classifier.features.components)
@@ -135,13 +139,13 @@ def test_cell_lists_exactly_the_streams_that_are_counted():
 
 def test_model_key_depends_on_everything():
     streams = toy()
-    other = LabelledStreams(streams.q, tuple(d + 1 for d in streams.draws), LABELS)
+    other = made_up.observed(streams.q, [d + 1 for d in streams.draws], LABELS)
     keys = [
         model_key(streams, 0.1, BEST),
         model_key(streams, 0.2, BEST),
         model_key(streams, 0.1, PAPER),
         model_key(other, 0.1, BEST),
-        model_key(LabelledStreams(streams.q, streams.draws, LABELS[::-1]), 0.1, BEST),
+        model_key(made_up.observed(streams.q, streams.draws, LABELS[::-1]), 0.1, BEST),
     ]
     assert len(set(keys)) == len(keys)
     assert model_key(toy(), 0.1, BEST) == keys[0]
@@ -152,7 +156,7 @@ def test_noise_may_differ_from_bin_to_bin():
     x = np.zeros((2, 200, N_BINS), np.float32)
     x[1, :, 30:] = 1
     draws = np.random.default_rng(0).standard_normal(x.shape, dtype=np.float32)
-    streams = LabelledStreams(tuple(x), tuple(draws), LABELS[:2])
+    streams = made_up.observed(x, draws, LABELS[:2])
     loud = np.where(np.arange(N_BINS) < 30, 0.1, 100.0)
     assert train(streams, loud[::-1].copy(), PAPER).scores.values["overall_accuracy"] == 1.0
     assert train(streams, loud, PAPER).scores.values["overall_accuracy"] < 0.75
@@ -207,24 +211,18 @@ def test_summaries_do_not_depend_on_the_company():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"labels": ("a",)}, "2 to 4"),
-        ({"labels": ("a", "a", "b")}, "differ"),
-        (
-            {
-                "q": tuple(np.ones((5, N_BINS)) for _ in range(3)),
-                "draws": tuple(np.ones((5, N_BINS)) for _ in range(3)),
-            },
-            "at least 20",
-        ),
-        ({"draws": tuple(np.ones((120, 3)) for _ in range(3))}, "shape"),
-        ({"q": tuple(np.full((120, N_BINS), np.nan) for _ in range(3))}, "not finite"),
+        ({"q": ONES[:1], "draws": ONES[:1], "masses": LABELS[:1]}, "2 to 4"),
+        ({"q": ONES + ONES[:2], "draws": ONES + ONES[:2], "masses": FIVE}, "2 to 4"),
+        ({"q": [x[:5] for x in ONES], "draws": [x[:5] for x in ONES]}, "at least 20"),
+        ({"q": [x * np.nan for x in ONES]}, "not finite"),
     ],
 )
-def test_data_that_do_not_fit_are_refused(change, words):
+def test_streams_that_are_no_classes_are_refused(change, words):
     streams = toy()
-    good = {"q": streams.q, "draws": streams.draws, "labels": LABELS}
-    with pytest.raises(ClassifierError, match=words):
-        LabelledStreams(**(good | change))
+    wrong = made_up.observed(**({"q": streams.q, "draws": streams.draws, "masses": LABELS} | change))
+    for use in (check_classes, lambda streams: train(streams, 0.1, SMALL)):
+        with pytest.raises(ClassifierError, match=words):
+            use(wrong)
 
 
 @pytest.mark.parametrize("noise", [-0.1, np.nan, np.ones(3)])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from streamdash.classifier.data import LabelledStreams
 from streamdash.classifier.quiz import (
     ROUNDS,
     WIDTHS,
@@ -16,11 +15,13 @@ from streamdash.classifier.quiz import (
     measures,
     quiz_split,
 )
+from streamdash.survey.observed import ObservedStreams
+from tests.unit import made_up
 
 N_BINS = 120
 
 
-def made_up(*amplitudes: float, n_streams: int = 80) -> LabelledStreams:
+def waves(*amplitudes: float, n_streams: int = 80) -> ObservedStreams:
     """Classes that differ in the size of slow ups and downs only."""
     rng = np.random.default_rng(0)
     phase = 2 * np.pi * np.arange(N_BINS) / 60
@@ -28,11 +29,11 @@ def made_up(*amplitudes: float, n_streams: int = 80) -> LabelledStreams:
         (1 + a * np.sin(phase + rng.uniform(0, 6.28, (n_streams, 1)))).astype(np.float32) for a in amplitudes
     )
     draws = tuple(rng.standard_normal(x.shape).astype(np.float32) for x in q)
-    return LabelledStreams(q, draws, tuple(f"1e{i}-1e{i + 1}" for i in range(len(q))))
+    return made_up.observed(q, draws, tuple(f"1e{i}-1e{i + 1}" for i in range(len(q))))
 
 
 def test_a_game_asks_about_held_out_streams_once_each_and_is_the_same_for_all():
-    streams = made_up(0.1, 0.3)
+    streams = waves(0.1, 0.3)
     sets = quiz_split(streams)
     rows = draw_rounds(streams, sets, seed=3)
     assert len(set(rows)) == ROUNDS
@@ -56,7 +57,7 @@ def test_the_measures_are_what_they_say():
 
 
 def test_the_clue_is_the_scatter_where_only_the_scatter_differs():
-    streams = made_up(0.05, 0.4)
+    streams = waves(0.05, 0.4)
     sets = quiz_split(streams)
     known = learn(streams, sets, noise=0.1)
     assert len(known.y) == len(streams.y) - len(sets.test)
@@ -71,7 +72,7 @@ def test_the_clue_is_the_scatter_where_only_the_scatter_differs():
 
 
 def test_no_clue_is_convincing_where_noise_drowns_everything():
-    streams = made_up(0.01, 0.02)
+    streams = waves(0.01, 0.02)
     sets = quiz_split(streams)
     known = learn(streams, sets, noise=1.0)
     observed = streams.observed(1.0)

@@ -7,11 +7,11 @@ import json
 import numpy as np
 import pytest
 
-from streamdash.classifier.data import LabelledStreams
 from streamdash.cli.main import app
 from streamdash.config import EnsembleConfig, Perturbers
 from streamdash.paper.classifier import classifier_markdown, results_of
 from streamdash.simulation.ensemble import simulate
+from tests.unit import made_up
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def results():
     q[1] += 0.3 * impacts[:, None] * np.sin(x + rng.uniform(0, 6, (150, 1)))
     draws = rng.standard_normal(q.shape, dtype=np.float32)
     labels = ("1e3-1e5", "1e5-1e9")
-    streams = LabelledStreams(tuple(q), tuple(draws), labels, n_impacts=(np.full(150, 800), impacts))
+    streams = made_up.observed(q, draws, labels, n_impacts=(np.full(150, 800), impacts))
     return {"noise": 0.1, "seeds": [0, 1], "two": results_of(streams, 0.1, (0, 1), 1)}
 
 

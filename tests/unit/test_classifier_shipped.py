@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from streamdash.classifier.data import read_streams
 from streamdash.classifier.model import BEST, PAPER, PAPER_CLASSES, PAPER_SCORES
 from streamdash.classifier.train import train
 from streamdash.store.cache import Cache
+from streamdash.survey.observed import ObservedStreams
 
 NOISE = 0.1
 
@@ -17,7 +17,10 @@ NOISE = 0.1
 def streams(shipped_cache):
     cache = Cache.default(shipped_cache)
     keys = {entry.config.perturbers.label: entry.key for entry in cache.entries() if entry.kind == "ensemble"}
-    return {n: read_streams(cache, [keys[label] for label in labels]) for n, labels in PAPER_CLASSES.items()}
+    return {
+        n: ObservedStreams.read(cache, [keys[label] for label in labels])
+        for n, labels in PAPER_CLASSES.items()
+    }
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -10,11 +10,13 @@ import sys
 import numpy as np
 import pytest
 
-from streamdash.classifier.data import ClassifierError, LabelledStreams
+from streamdash.classifier.data import ClassifierError
 from streamdash.classifier.model import Boosting, ClassifierConfig
 from streamdash.classifier.store import ModelFileError, ModelStore, read_model, write_model
 from streamdash.classifier.train import judge, model_key, train
 from streamdash.statistics.features import FeatureSet
+from streamdash.survey.observed import ObservedStreams
+from tests.unit import made_up
 
 SETTINGS = ClassifierConfig(
     features=FeatureSet(n_pca=4, scales=(3, 9)),
@@ -23,13 +25,13 @@ SETTINGS = ClassifierConfig(
 
 
 @pytest.fixture(scope="module")
-def streams() -> LabelledStreams:
+def streams() -> ObservedStreams:
     rng = np.random.default_rng(0)
     q = tuple(
         (1 + a * rng.standard_normal((80, 40))).cumsum(axis=1).astype(np.float32) for a in (0.1, 0.2, 0.4)
     )
     draws = tuple(rng.standard_normal(x.shape, dtype=np.float32) for x in q)
-    return LabelledStreams(q, draws, ("1e3-1e5", "1e5-1e7", "1e7-1e9"), ("k0", "k1", "k2"))
+    return made_up.observed(q, draws, ("1e3-1e5", "1e5-1e7", "1e7-1e9"))
 
 
 @pytest.fixture(scope="module")
@@ -76,12 +78,12 @@ def test_model_that_was_read_judges_as_it_did(folder, streams):
     np.testing.assert_array_equal(again.probability, trained.probability)
     assert again.scores.to_dict() == trained.scores.to_dict() == again.classifier.card.scores
     with pytest.raises(ClassifierError, match="other streams"):
-        judge(read_model(folder), LabelledStreams(streams.q[:2], streams.draws[:2], streams.labels[:2]))
+        judge(read_model(folder), streams.only([0, 1]))
 
 
 def test_card_tells_what_the_model_depends_on(folder, streams):
     card = read_model(folder).card
-    assert card.labels == streams.labels and card.data_keys == ("k0", "k1", "k2")
+    assert card.labels == streams.labels and card.data_keys == streams.keys
     assert card.noise == 0.1 and card.settings == SETTINGS and card.data_digest == streams.digest
     assert np.sum(card.scores["counts"]) == 60
     assert {"xgboost", "sklearn", "numpy"} <= set(card.versions)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from streamdash.classifier.data import Cancelled, LabelledStreams, split
+from streamdash.classifier.data import Cancelled, split
 from streamdash.classifier.model import Boosting, ClassifierConfig
 from streamdash.classifier.studies import compare, grid_search, importance, learning_curve, noise_curve
 from streamdash.classifier.train import train
 from streamdash.statistics.features import FeatureSet
+from streamdash.survey.observed import ObservedStreams
+from tests.unit import made_up
 
 N_BINS = 40
 SETTINGS = ClassifierConfig(
@@ -19,14 +23,14 @@ SETTINGS = ClassifierConfig(
 
 
 @pytest.fixture(scope="module")
-def streams() -> LabelledStreams:
+def streams() -> ObservedStreams:
     """Class 1 is higher by a random amount in bins 10 to 19 only; l runs from 200° by 0.2°."""
     rng = np.random.default_rng(0)
     q = np.ones((2, 400, N_BINS), np.float32)
     q[1, :, 10:20] += rng.uniform(0.05, 0.3, (400, 1)).astype(np.float32)
     draws = rng.standard_normal(q.shape, dtype=np.float32)
-    ell = 200 + 0.2 * np.arange(N_BINS)
-    return LabelledStreams(tuple(q), tuple(draws), ("1e3-1e5", "1e5-1e9"), ell=ell)
+    edges = 199.9 + 0.2 * np.arange(N_BINS + 1)
+    return made_up.observed(q, draws, ("1e3-1e5", "1e5-1e9"), edges)
 
 
 def test_grid_is_that_of_separate_models(streams):
@@ -45,9 +49,7 @@ def test_grid_never_sees_test_streams(streams):
     rows = split(streams.y, SETTINGS.seed).test
     changed = streams.clean.copy()
     changed[rows] = 1e6
-    other = LabelledStreams(
-        tuple(changed.reshape(2, 400, N_BINS)), streams.draws, streams.labels, ell=streams.ell
-    )
+    other = replace(streams, q=tuple(changed.reshape(2, 400, N_BINS)))
     arguments = {"depths": (2,), "n_trees": (10,), "n_folds": 3}
     a = grid_search(streams, 0.2, SETTINGS, **arguments)
     b = grid_search(other, 0.2, SETTINGS, **arguments)

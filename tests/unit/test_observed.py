@@ -143,6 +143,13 @@ def test_noise_is_that_of_the_design_unless_another_is_asked_for(two):
     np.testing.assert_array_equal(two.observed(), two.observed(sky.NOISE))
 
 
+def test_other_draws_of_the_noise_have_numbers(two):
+    own, first, second = (two.noisy(0.1, number)[0] - two.q[0] for number in (0, 1, 2))
+    np.testing.assert_array_equal(own, two.noisy(0.1)[0] - two.q[0])
+    for one, other in ((own, first), (own, second), (first, second)):
+        assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 0.02
+
+
 def test_a_polynomial_is_divided_out_noise_included(two, shipped):
     design = Design("ell", np.arange(170.0, 230, 2), np.arange(172.0, 232, 2), np.full(30, 0.1), "q_rho", 0)
     streams = ObservedStreams.read(shipped, in_order(shipped), design)

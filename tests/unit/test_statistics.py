@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from streamdash.classifier.data import LabelledStreams
 from streamdash.classifier.model import BEST, Boosting
 from streamdash.paper.statistics import (
     PDF,
@@ -23,15 +22,17 @@ from streamdash.paper.statistics import (
     statistics_numbers,
 )
 from streamdash.plots.statistics import draw_statistics, statistics_sentence, statistics_table
+from streamdash.survey.observed import ObservedStreams
+from tests.unit import made_up
 
 QUICK = BEST.model_copy(update={"boosting": Boosting(n_estimators=30, max_depth=2), "copies": 1})
 N, BINS = 160, 120
 
 
-def labelled(one: np.ndarray, other: np.ndarray) -> LabelledStreams:
+def labelled(one: np.ndarray, other: np.ndarray) -> ObservedStreams:
     draws = np.random.default_rng(9).standard_normal((2, *one.shape), dtype=np.float32)
     q = tuple(x.astype(np.float32) for x in (one, other))
-    return LabelledStreams(q, tuple(draws), ("1e3-1e5", "1e5-1e9"))
+    return made_up.observed(q, draws, ("1e3-1e5", "1e5-1e9"))
 
 
 def skewed(rng: np.random.Generator) -> np.ndarray:
@@ -96,7 +97,7 @@ def test_evidence_of_three_classes_is_of_every_ordered_pair():
     rng = np.random.default_rng(3)
     q = [1 + scale * skewed(rng).astype(np.float32) for scale in (0.5, 1.0, 2.0)]
     draws = tuple(rng.standard_normal((3, N, BINS), dtype=np.float32))
-    streams = LabelledStreams(tuple(q), draws, ("1e3-1e5", "1e5-1e7", "1e7-1e9"))
+    streams = made_up.observed(q, draws, ("1e3-1e5", "1e5-1e7", "1e7-1e9"))
     for found in statistics_evidence(streams, 0.05).values():
         assert set(found) == {(i, j) for i in range(3) for j in range(3) if i != j}
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from streamdash.classifier.data import Cancelled, ClassifierError, LabelledStreams, split
+from streamdash.classifier.data import Cancelled, ClassifierError, split
 from streamdash.config import Perturbers, StreamModel
 from streamdash.observe.evidence import blurred_pdf, learn_pdfs
 from streamdash.observe.guess import changed, guess
@@ -16,7 +16,7 @@ from streamdash.observe.replicas import learn_replicas
 from streamdash.observe.report import agreement, answer, report, text
 from streamdash.observe.resemblance import DOUBTFUL, UNLIKE, learn_likeness
 from streamdash.observe.table import read_table
-from streamdash.observe.verdict import judge, learn, observed_streams, prepare
+from streamdash.observe.verdict import judge, learn, prepare
 from streamdash.plots.report_html import report_html
 from streamdash.store.cache import Cache
 from streamdash.survey.design import (
@@ -28,6 +28,7 @@ from streamdash.survey.design import (
     polynomial_fit,
 )
 from streamdash.survey.mock import mock_bins, mock_observation
+from streamdash.survey.observed import ObservedStreams
 from streamdash.survey.sky import observe, q_rho, to_theta
 
 LABELS = ("1e3-1e5", "1e5-1e9")
@@ -65,12 +66,12 @@ def world(cache, configs, geometry, bins):
     """What is learnt from some streams observed in `bins`, divided by a cubic; and the unseen ones."""
     _, example = read_observation(as_file(bins, np.ones(len(bins[0])), "detrended"), geometry)
     assert (example.design.order, example.design.quantity) == (ORDER, "density")
-    streams, smooth = observed_streams(cache, configs, geometry, example.design)
+    streams = ObservedStreams.read(cache, configs, example.design)
     known = replace(
         streams, q=tuple(q[:N_KNOWN] for q in streams.q), draws=tuple(d[:N_KNOWN] for d in streams.draws)
     )
     unseen = tuple(q[N_KNOWN:] for q in streams.q)
-    return learn(known, smooth, example.design), unseen
+    return learn(known), unseen
 
 
 def upload(world, bins, geometry, truth: int, number: int) -> Observation:
@@ -158,12 +159,12 @@ def test_the_right_class_wins_as_often_as_the_held_out_matrix_says(world, bins, 
 def test_profiles_of_nothing_are_unlike_any_class(cache, configs, geometry, bins):
     low, high, sigma = bins[0], bins[1], 0.6 * bins[2]  # the paper's noise, averaged over 2°
     design = Design("phi1", low, high, sigma, "q_rho", 0)
-    streams, smooth = observed_streams(cache, configs, geometry, design)
+    streams = ObservedStreams.read(cache, configs, design)
     unseen = streams.q[1][-40:]
     known = replace(streams, q=tuple(q[:-40] for q in streams.q), draws=tuple(d[:-40] for d in streams.draws))
     sets = split(known.y, 0)
     learnt = np.concatenate([sets.train, sets.validation])
-    likeness = learn_likeness(known, sigma, smooth, learnt, sets.test)
+    likeness = learn_likeness(known, sigma, known.smooth, learnt, sets.test)
     rng = np.random.default_rng(0)
     flat = np.ones(unseen.shape, np.float32)
     phase = rng.uniform(0, 2 * np.pi, (len(flat), 1))
@@ -357,7 +358,7 @@ def test_mock_streams_are_their_own(geometry):
     assert observation.design.n_bin == len(low)
 
 
-def test_labelled_streams_with_a_polynomial_are_other_streams(world):
+def test_streams_with_a_polynomial_are_other_streams(world):
     streams = world[0].streams
-    bare = LabelledStreams(streams.q, streams.draws, streams.labels, streams.keys, streams.ell)
+    bare = replace(streams, design=replace(streams.design, order=AS_IS))
     assert bare.digest != streams.digest

@@ -18,12 +18,12 @@ from app.session.session import link_to
 from app.ui.browser import CopyLink, LiveText
 from app.work.tasks import Task, Watch
 from app.work.training import streams_of, train_task
-from streamdash.classifier.data import LabelledStreams
 from streamdash.classifier.model import BEST
 from streamdash.classifier.quiz import Clue, draw_rounds, find_clue, learn, quiz_split
 from streamdash.classifier.train import Judged
 from streamdash.plots import quiz as plot
 from streamdash.plots.live import LiveFigure, export
+from streamdash.survey.observed import ObservedStreams
 
 USES = frozenset({"difficulty", "game", "round", "answers", "average", "theme"})
 LEGEND = (
@@ -40,7 +40,7 @@ class QuizLesson:
     def __init__(self, page: Page) -> None:
         self.page, self.session, self.services = page, page.session, page.services
         try:
-            self.streams: LabelledStreams = streams_of(self.services, self.session)
+            self.streams: ObservedStreams = streams_of(self.services, self.session)
         except ValueError as error:
             raise Unavailable(str(error)) from None
         self.judged: Judged | None = None
@@ -157,7 +157,7 @@ class QuizLesson:
         self.clue = self._find_clue() if self.revealed else None
         self.clue_card.view.visible = self.revealed
         if self.clue is not None:
-            degrees = float(np.abs(np.diff(self.streams.ell)).mean())
+            degrees = float(np.abs(np.diff(self.streams.centers)).mean())
             self.clue_live = LiveFigure(plot.draw_clue(self.clue, degrees, "bokeh"), ink=("this",))
             self.clue_figure[:] = [pn.pane.Bokeh(self.clue_live.figure, sizing_mode=ui.WIDE, margin=0)]
             self.clue_card.say(plot.clue_sentence(self.clue, self.round))
@@ -289,7 +289,7 @@ class QuizLesson:
         return plot.draw_round(self.round, self.session.average, self.revealed, "matplotlib")
 
     def _drawn_clue(self) -> Any:
-        degrees = float(np.abs(np.diff(self.streams.ell)).mean())
+        degrees = float(np.abs(np.diff(self.streams.centers)).mean())
         return plot.draw_clue(self._known_clue(), degrees, "matplotlib")
 
     def _known_clue(self) -> Clue:

@@ -23,13 +23,12 @@ from app.session.session import SEED_MAX
 from streamdash import streams
 from streamdash.engine.flyby import kick_along_stream
 from streamdash.engine.galpy_streams import time_unit_gyr
-from streamdash.engine.geometry import Geometry
 from streamdash.plots import flyby as flyby_plot
 from streamdash.plots import flyby_words, pdf, story
 from streamdash.plots.live import Backend, Columns
 from streamdash.statistics.evidence import JEFFREYS, jeffreys
 from streamdash.survey.flyby import struck
-from streamdash.survey.sky import BIN_WIDTH, longitude_bins
+from streamdash.survey.sky import BIN_WIDTH
 from streamdash.survey.story import deviations, pieces, stars_per_bin, track
 
 
@@ -147,13 +146,9 @@ class ManyStep(Step):
 
     def compute(self) -> None:
         number, noise = self.session.seed, self.noise
-        qs = [self.services.q_rho(choice) for choice in self.choices]
-        rows = [number % len(q) for q in qs]
-        self.clean = [q[row] for q, row in zip(qs, rows, strict=True)]
-        draws = [self.services.draws(choice)[row] for choice, row in zip(self.choices, rows, strict=True)]
-        self.noisy = [q + noise * d for q, d in zip(self.clean, draws, strict=True)]
-        self.ell = _bin_centres(self.geometry)
-        self.qs = qs
+        streams = self.services.observed(self.choices)
+        self.ell, self.qs = streams.centers, streams.q
+        self.clean, self.noisy = story.pair(streams, number, noise)
 
     def controls(self) -> list[Viewable]:
         return [ui.button("Draw others", self._draw_others, css_classes=["sd-draw-others"], margin=(4, 10))]
@@ -306,7 +301,7 @@ class QuestionStep(Step):
 
     def _deviations(self, choice: Choice) -> np.ndarray:
         key = ("deviations", choice.key)
-        return self.services.shared(key, lambda: deviations(self.services.q_rho(choice)))
+        return self.services.shared(key, lambda: deviations(self.services.observed([choice]).q[0]))
 
     def controls(self) -> list[Viewable]:
         return [ui.noise_slider(self.page)]
@@ -351,11 +346,6 @@ class QuestionStep(Step):
             ("The Classifier page: how well a program tells the masses apart", {"page": "classifier"}),
             ("Guess the mass yourself", {"lesson": "quiz"}),
         ]
-
-
-def _bin_centres(geometry: Geometry) -> np.ndarray:
-    edges = longitude_bins(geometry)
-    return 0.5 * (edges[:-1] + edges[1:])
 
 
 STEPS: tuple[type[Step], ...] = (StreamStep, GapStep, ManyStep, NoiseStep, EvidenceStep, QuestionStep)

@@ -20,14 +20,8 @@ from streamdash.plots import spectrum
 from streamdash.plots.live import LiveFigure, export
 from streamdash.statistics.bispectrum import Bispectrum, bispectrum
 from streamdash.statistics.spectra_in_noise import Shown, show
-from streamdash.statistics.spectrum import (
-    NoisySpectra,
-    SpectrumBand,
-    noisy_spectra,
-    shot_noise_level,
-    track_ratio,
-)
-from streamdash.survey.sky import longitude_bins
+from streamdash.statistics.spectrum import NoisySpectra, SpectrumBand, observed_spectra, shot_noise_level
+from streamdash.survey.design import Design
 
 LEGEND = (
     ("line", "median over streams, noise included"),
@@ -109,13 +103,13 @@ class SpectrumPage(Page):
         """Lines of Python that compute the bispectra as they are now."""
         keys = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in self.session.ensembles)
         return (
-            "from streamdash.plots.pdf import collect\n"
             "from streamdash.statistics.bispectrum import bispectrum\n"
-            "from streamdash.store.cache import Cache\n\n"
+            "from streamdash.store.cache import Cache\n"
+            "from streamdash.survey.observed import ObservedStreams\n\n"
             f"ensembles = [\n{keys}\n]\n"
-            "for key in ensembles:\n"
-            f"    q = collect(Cache.default(), key).noisy({self.session.noise:g})\n"
-            f"    found = bispectrum(q, step={self._step():.7g})\n"
+            "streams = ObservedStreams.read(Cache.default(), ensembles)\n"
+            f"for q in streams.noisy({self.session.noise:g}):\n"
+            "    found = bispectrum(q, streams.design.step)\n"
             "    print(found.scale_1, found.real.median, found.imaginary.median)\n"
         )
 
@@ -194,27 +188,22 @@ class SpectrumPage(Page):
         def compute() -> NoisySpectra:
             services = self.services
             geometry = services.geometry(choice.config.stream)
-            track = track_ratio(geometry, services.ensemble(choice.key), longitude_bins(geometry))
-            return noisy_spectra(services.q_rho(choice), services.draws(choice), track, self._step())
+            return observed_spectra(geometry, services.ensemble(choice.key), services.observed([choice]))
 
         return self.services.shared(("spectra", choice.key), compute)
 
-    def _edges(self) -> Any:
-        return longitude_bins(self.services.geometry(self.session.ensembles[0].config.stream))
-
-    def _step(self) -> float:
-        edges = self._edges()
-        return abs(float(edges[1] - edges[0]))
+    def _design(self) -> Design:
+        return self.services.observed(self.session.ensembles).design
 
     def _level(self) -> SpectrumBand:
         """√P of shot noise of σ_ε = 1 in these bins."""
-        n_bin, step = len(self._edges()) - 1, self._step()
+        n_bin, step = self._design().n_bin, self._design().step
         return self.services.shared(("noise level", n_bin, step), lambda: shot_noise_level(n_bin, step))
 
     def _ask(self) -> None:
         """Have the bispectra computed once the slider rests."""
         services, choices, noise = self.services, self.session.ensembles, self.session.noise
-        step, keys = self._step(), tuple(choice.key for choice in self.session.ensembles)
+        step, keys = self._design().step, tuple(choice.key for choice in self.session.ensembles)
 
         def compute() -> list[Bispectrum]:
             return [bispectrum(q, step) for q in noisy_profiles(services, choices, noise)]

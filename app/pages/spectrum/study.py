@@ -32,13 +32,13 @@ def statistics_study(services: Services, session: Session) -> Study:
         ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in session.ensembles)
         return (
             "from pathlib import Path\n\n"
-            "from streamdash.classifier.data import read_streams\n"
             "from streamdash.plots.live import export\n"
             "from streamdash.plots.statistics import draw_statistics\n"
             "from streamdash.paper.statistics import compare_statistics\n"
-            "from streamdash.store.cache import Cache\n\n"
+            "from streamdash.store.cache import Cache\n"
+            "from streamdash.survey.observed import ObservedStreams\n\n"
             f"ensembles = [\n{ensembles}\n]\n"
-            "streams = read_streams(Cache.default(), ensembles)\n"
+            "streams = ObservedStreams.read(Cache.default(), ensembles)\n"
             f"rows = compare_statistics(streams, {session.noise:g})\n"
             'Path("statistics.png").write_bytes(export(draw_statistics(rows, "matplotlib"), "png"))\n'
         )
