@@ -54,13 +54,14 @@ def reproduce_command(
     """Redo the paper's model selection and its classifier; the paper's numbers stand beside."""
     from streamdash.paper.evidence import load_sample, measure
     from streamdash.paper.tables import table_csv, table_markdown
+    from streamdash.simulation.geometry import load_geometry
 
     folder = output or figures
     for directory in {one for one in (folder, figures) if one is not None}:
         make_folder(directory)
     where = make_cache(cache)
     sample = load_sample(where)
-    results = measure(sample)
+    results = measure(sample, load_geometry(sample.configs[0].stream, where))
     if choices or text is not None:
         from streamdash.paper.choices import measure_choices
 
@@ -71,7 +72,7 @@ def reproduce_command(
     if classifier:
         from streamdash.paper.classifier import classifier_markdown, classifier_results
 
-        configs = {label: entry.config for label, entry in zip(sample.labels, sample.entries, strict=True)}
+        configs = dict(zip(sample.labels, sample.configs, strict=True))
         scores = classifier_results(where, configs)
         print(f"\n{classifier_markdown(scores)}", end="")
         keep(folder, {"classifier.json": scores, "table2.md": classifier_markdown(scores)})

@@ -13,11 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from streamdash.paper.evidence import NOISE, THREE_CLASSES, TWO_CLASSES, Sample
+from streamdash.engine.geometry import Geometry
+from streamdash.paper.evidence import NOISE, THREE_CLASSES, TWO_CLASSES
+from streamdash.simulation.geometry import load_geometry
 from streamdash.statistics.evidence import PAPER_N_BINS, PAPER_RULES, Rules, measure_evidence, measured_width
 from streamdash.statistics.pdf import Pdfs, central_range, common_range, measure_pdfs
 from streamdash.store.cache import Cache
 from streamdash.survey import sky
+from streamdash.survey.design import Design
+from streamdash.survey.observed import ObservedStreams, open_ensembles
 
 PAIRS = ((0, 1), (1, 0))
 
@@ -88,27 +92,26 @@ class Choice:
 
 @dataclass(frozen=True)
 class Materials:
-    """What settings are made of: the two classes, all classes, their cache, the plain setting."""
+    """What settings are made of: the two classes, all classes, their stream and cache, the plain setting."""
 
-    sample: Sample
-    every: Sample
+    sample: ObservedStreams
+    every: ObservedStreams
+    geometry: Geometry
     cache: Cache
     plain: Setting
 
     def observed(self, edges: np.ndarray, coordinate: sky.Coordinate = "ell") -> list[np.ndarray]:
         """Qρ without noise in other bins along the stream."""
-        return [
-            sky.q_rho(self.sample.geometry, self.cache.open_ensemble(entry.key), edges, coordinate)
-            for entry in self.sample.entries
-        ]
+        return list(
+            ObservedStreams.read(self.cache, self.sample.configs, Design.adjoining(coordinate, edges)).q
+        )
 
     def at_points(self) -> list[np.ndarray]:
         """Qρ without noise at the middles of the bins instead of averaged over them."""
-        geometry, edges = self.sample.geometry, self.sample.edges
+        geometry, edges = self.geometry, self.sample.design.edges
         theta = sky.ell_to_theta(geometry, 0.5 * (edges[1:] + edges[:-1]))
         result = []
-        for entry in self.sample.entries:
-            ensemble = self.cache.open_ensemble(entry.key)
+        for ensemble in open_ensembles(self.cache, self.sample.configs).datasets:
             q = ensemble["density"].values / ensemble["smooth"].values
             grid = ensemble["theta"].values
             result.append(np.stack([np.interp(theta, grid, row) for row in q]).astype(np.float32))
@@ -120,7 +123,7 @@ class Materials:
 
     def noise_on_density(self) -> list[np.ndarray]:
         """Noise of σ_ε on ρ itself, in units of ρ̄ near the progenitor, then divided by ρ̄."""
-        geometry, edges = self.sample.geometry, self.sample.edges
+        geometry, edges = self.geometry, self.sample.design.edges
         grid = np.linspace(0.0, sky.ell_to_theta(geometry, edges[-1:])[0] * 1.02, 4000)
         smooth = sky.observe(geometry, grid, geometry.smooth_density(grid), edges)
         return [
@@ -235,9 +238,7 @@ CHOICES: tuple[Choice, ...] = (
     Choice(
         ALONG,
         "300 bins over the same longitudes",
-        _with_profiles(
-            lambda m: m.with_noise(m.observed(np.linspace(m.sample.edges[0], m.sample.edges[-1], 301)))
-        ),
+        _with_profiles(lambda m: m.with_noise(m.observed(_even_edges(m, 300)))),
     ),
     Choice(
         ALONG,
@@ -270,14 +271,19 @@ CHOICES: tuple[Choice, ...] = (
 """Every choice that is measured."""
 
 
+def _even_edges(materials: Materials, n_bin: int) -> np.ndarray:
+    edges = materials.sample.design.edges
+    return np.linspace(edges[0], edges[-1], n_bin + 1)
+
+
 def _theta_edges(materials: Materials) -> np.ndarray:
-    edges = materials.sample.edges
-    ends = sky.ell_to_theta(materials.sample.geometry, edges[[0, -1]])
+    edges = materials.sample.design.edges
+    ends = sky.ell_to_theta(materials.geometry, edges[[0, -1]])
     return np.linspace(ends[0], ends[1], len(edges))
 
 
 def measure_choices(
-    cache: Cache, sample: Sample, choices: Sequence[Choice] = CHOICES
+    cache: Cache, sample: ObservedStreams, choices: Sequence[Choice] = CHOICES
 ) -> list[dict[str, Any]]:
     """Table 1 with each choice changed alone; the first row is the plain setting.
 
@@ -285,7 +291,7 @@ def measure_choices(
     ----------
     cache : Cache
         Where the ensembles of the sample are.
-    sample : Sample
+    sample : ObservedStreams
         With the paper's two and three classes.
     choices : sequence of Choice
 
@@ -297,7 +303,8 @@ def measure_choices(
         bins α in the sum.
     """
     two = sample.only(TWO_CLASSES)
-    materials = Materials(two, sample, cache, Setting(two.noisy(NOISE)))
+    geometry = load_geometry(two.configs[0].stream, cache)
+    materials = Materials(two, sample, geometry, cache, Setting(two.noisy(NOISE)))
     rows = [_row("As here", "every choice as described", [materials.plain])]
     for choice in choices:
         settings = choice.settings(materials)

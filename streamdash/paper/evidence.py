@@ -7,7 +7,6 @@ tables and text (`streamdash.paper.tables`) are rendered from it alone.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,8 +20,7 @@ from streamdash.statistics.evidence_growth import growth
 from streamdash.statistics.overlap import Y_BINS
 from streamdash.statistics.pdf import measure_pdfs
 from streamdash.store.cache import Cache, Entry, StoreError
-from streamdash.survey import sky
-from streamdash.survey.bands import noise_draws
+from streamdash.survey.observed import ObservedStreams
 
 TWO_CLASSES = ("1e3-1e5", "1e5-1e9")
 THREE_CLASSES = ("1e3-1e5", "1e5-1e7", "1e7-1e9")
@@ -36,54 +34,6 @@ PAPER = {
     "n_longitudes": 300,
 }
 """What else the paper states in numbers (sections 2, 3.1.1 and 4.1)."""
-
-
-@dataclass(frozen=True)
-class Sample:
-    """Simulated streams as a telescope sees them, before noise.
-
-    Attributes
-    ----------
-    labels : tuple of str
-        Mass ranges, lowest first.
-    entries : tuple of Entry
-        Cache entries they come from.
-    geometry : Geometry
-    edges : ndarray
-        Edges of the longitude bins in degrees.
-    q : tuple of ndarray (n_streams, n_longitudes)
-        Qρ of each model, without noise.
-    draws : tuple of ndarray (n_streams, n_longitudes)
-        Standard-normal draws that noise is made of.
-    """
-
-    labels: tuple[str, ...]
-    entries: tuple[Entry, ...]
-    geometry: Geometry
-    edges: np.ndarray
-    q: tuple[np.ndarray, ...]
-    draws: tuple[np.ndarray, ...]
-
-    def noisy(self, noise: float, number: int = 0) -> list[np.ndarray]:
-        """Qρ of each model with shot noise σ_ε added; `number` above 0 names another draw of it."""
-        draws = self.draws
-        if number:
-            draws = tuple(
-                noise_draws(entry.config, q.shape, number)
-                for entry, q in zip(self.entries, self.q, strict=True)
-            )
-        return [sky.add_noise(q, d, noise) for q, d in zip(self.q, draws, strict=True)]
-
-    def only(self, labels: Sequence[str]) -> Sample:
-        """The same with some of the models."""
-        places = [self.labels.index(label) for label in labels]
-
-        def picked(items: tuple) -> tuple:
-            return tuple(items[p] for p in places)
-
-        return Sample(
-            tuple(labels), picked(self.entries), self.geometry, self.edges, picked(self.q), picked(self.draws)
-        )
 
 
 def find_entries(cache: Cache, labels: Sequence[str], stream: StreamModel | None = None) -> tuple[Entry, ...]:
@@ -109,53 +59,51 @@ def find_entries(cache: Cache, labels: Sequence[str], stream: StreamModel | None
     return tuple(found)
 
 
-def load_sample(cache: Cache, labels: Sequence[str] = (*TWO_CLASSES, *THREE_CLASSES[1:])) -> Sample:
-    """Qρ per 0.2° bin of the shipped ensembles, with their noise draws.
+def load_sample(cache: Cache, labels: Sequence[str] = (*TWO_CLASSES, *THREE_CLASSES[1:])) -> ObservedStreams:
+    """Streams of the shipped ensembles as the paper observes them.
 
     Raises
     ------
     StoreError
         When an ensemble or the geometry is missing.
     """
-    entries = find_entries(cache, labels)
-    stream = entries[0].config.stream
-    stored = cache.open_geometry(stream)
-    if stored is None:
+    configs = [entry.config for entry in find_entries(cache, labels)]
+    if cache.open_geometry(configs[0].stream) is None:
         raise StoreError("The cache has no geometry of this stream; run `streamdash simulate` first.")
-    geometry = Geometry.from_dataset(stored, stream)
-    edges = sky.longitude_bins(geometry)
-    q = tuple(sky.q_rho(geometry, cache.open_ensemble(entry.key), edges) for entry in entries)
-    draws = tuple(noise_draws(entry.config, part.shape) for entry, part in zip(entries, q, strict=True))
-    return Sample(tuple(labels), entries, geometry, edges, q, draws)
+    return ObservedStreams.read(cache, configs)
 
 
-def measure(sample: Sample, noise: float = NOISE, n_resamples: int = N_RESAMPLES) -> dict[str, Any]:
+def measure(
+    sample: ObservedStreams, geometry: Geometry, noise: float = NOISE, n_resamples: int = N_RESAMPLES
+) -> dict[str, Any]:
     """Everything the text and the tables say, as plain numbers.
 
     Parameters
     ----------
-    sample : Sample
+    sample : ObservedStreams
         With the paper's two and three classes.
+    geometry : Geometry
+        Of their stream.
     noise : float
         σ_ε.
     n_resamples : int
         Resamplings for the sampling errors.
     """
-    low, high = TWO_CLASSES
+    edges = sample.design.edges
     return {
         "noise": noise,
         "n_longitudes": sample.q[0].shape[1],
-        "longitudes_deg": [float(sample.edges[0]), float(sample.edges[-1])],
+        "longitudes_deg": [float(edges[0]), float(edges[-1])],
         "rules": {"n_sigma": PAPER_RULES.n_sigma, "min_streams": PAPER_RULES.min_streams},
         "y_bins": [min(Y_BINS), max(Y_BINS), len(Y_BINS)],
-        "ensembles": [_ensemble_facts(sample, place) for place in range(len(sample.labels))],
-        "two_classes": compare(sample.only((low, high)), noise, n_resamples),
+        "ensembles": [_ensemble_facts(sample, geometry, place) for place in range(len(sample.labels))],
+        "two_classes": compare(sample.only(TWO_CLASSES), noise, n_resamples),
         "three_classes": compare(sample.only(THREE_CLASSES), noise, n_resamples),
         "paper": PAPER,
     }
 
 
-def compare(sample: Sample, noise: float, n_resamples: int) -> dict[str, Any]:
+def compare(sample: ObservedStreams, noise: float, n_resamples: int) -> dict[str, Any]:
     """Table 1 for these classes: every ordered pair and the paper's numbers of bins.
 
     ``tables`` follow the paper's rules, ``central`` those that this project uses by default.
@@ -181,7 +129,7 @@ def compare(sample: Sample, noise: float, n_resamples: int) -> dict[str, Any]:
     }
 
 
-def _pdf_facts(sample: Sample, noise: float, n_bin: int = 20) -> list[dict[str, Any]]:
+def _pdf_facts(sample: ObservedStreams, noise: float, n_bin: int = 20) -> list[dict[str, Any]]:
     """Per class, the median PDF(Qρ): where it peaks, how high, and how wide it is."""
     pdfs = measure_pdfs(sample.noisy(noise), n_bin)
     facts = []
@@ -201,7 +149,7 @@ def _pdf_facts(sample: Sample, noise: float, n_bin: int = 20) -> list[dict[str, 
     return facts
 
 
-def _growth_facts(sample: Sample, noise: float, n_bin: int = 20) -> dict[str, Any]:
+def _growth_facts(sample: ObservedStreams, noise: float, n_bin: int = 20) -> dict[str, Any]:
     """Σ ln B from ever more streams, for the first pair of models in both directions."""
     pdfs, evidence = measured_evidence(sample.noisy(noise), noise, n_bin, PAPER_RULES)
     curves = []
@@ -220,16 +168,16 @@ def _growth_facts(sample: Sample, noise: float, n_bin: int = 20) -> dict[str, An
     return {"n_bin": n_bin, "curves": curves}
 
 
-def _ensemble_facts(sample: Sample, place: int) -> dict[str, Any]:
-    entry, q = sample.entries[place], sample.q[place]
+def _ensemble_facts(sample: ObservedStreams, geometry: Geometry, place: int) -> dict[str, Any]:
+    config, q = sample.configs[place], sample.q[place]
     low, middle, high = np.quantile(q, (0.1587, 0.5, 0.8413))
     return {
         "label": sample.labels[place],
-        "key": entry.key,
+        "key": config.key,
         "n_streams": len(q),
-        "expected_impacts": float(expected_impacts(sample.geometry, entry.config.perturbers)),
+        "expected_impacts": float(expected_impacts(geometry, config.perturbers)),
         "q_rho_quantiles": [float(low), float(middle), float(high)],
         "q_rho_extremes": [float(q.min()), float(q.max())],
         "width_without_noise": measured_width(q),
-        "width_with_noise": measured_width(sky.add_noise(q, sample.draws[place], NOISE)),
+        "width_with_noise": measured_width(sample.only([place]).noisy(NOISE)[0]),
     }

@@ -22,10 +22,11 @@ from streamdash.plots.elements import (
     runs,
 )
 from streamdash.plots.live import Backend, Columns, use
-from streamdash.plots.pdf import BINS, EXCLUDED, Q_LABEL, collect, frame
+from streamdash.plots.pdf import BINS, EXCLUDED, Q_LABEL, frame
 from streamdash.statistics.evidence import RULES, Comparison, compare, jeffreys
 from streamdash.statistics.evidence_growth import Growth
 from streamdash.store.cache import Cache
+from streamdash.survey.observed import ObservedStreams
 
 LEVELS = (-5.0, -2.5, -1.0, 1.0, 2.5, 5.0)
 """Jeffreys' limits of weak, moderate and strong evidence, drawn dashed."""
@@ -62,11 +63,11 @@ def evidence_figure(
         ``matplotlib`` for files, ``bokeh`` for the browser.
     """
     # Collect
-    observed = [collect(cache, ensemble) for ensemble in ensembles]
+    streams = ObservedStreams.read(cache, ensembles)
     # Compute
-    comparison = compare([o.noisy(noise) for o in observed], noise, n_bin, RULES[rules])
+    comparison = compare(streams.noisy(noise), noise, n_bin, RULES[rules])
     # Plot
-    return draw(comparison, fiducial, [o.config for o in observed], backend)
+    return draw(comparison, fiducial, streams.configs, backend)
 
 
 # ---------------------------------------------------------------- plot: ln B per bin

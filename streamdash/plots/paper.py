@@ -7,18 +7,19 @@ from pathlib import Path
 
 import holoviews as hv
 
-from streamdash.naming import mass_text
-from streamdash.paper.evidence import NOISE, THREE_CLASSES, TWO_CLASSES, Sample
+from streamdash.naming import class_labels
+from streamdash.paper.evidence import NOISE, THREE_CLASSES, TWO_CLASSES
 from streamdash.plots import convergence, evidence, pdf, profiles, spectrum
 from streamdash.plots.live import use
 from streamdash.statistics.evidence import PAPER_N_BINS, PAPER_RULES, Comparison, compare
 from streamdash.store.cache import Cache, StoreError
+from streamdash.survey.observed import ObservedStreams
 
 DPI = 150
 FIGURE_4_N_BIN = 20
 
 
-def save_figures(cache: Cache, sample: Sample, folder: Path) -> list[Path]:
+def save_figures(cache: Cache, sample: ObservedStreams, folder: Path) -> list[Path]:
     """Draw figures 1 to 5 and write each as ``figureN.png`` and ``figureN.svg``.
 
     Parameters
@@ -42,7 +43,9 @@ def save_figures(cache: Cache, sample: Sample, folder: Path) -> list[Path]:
     ]
 
 
-def save_appendix_figures(cache: Cache, sample: Sample, folder: Path) -> tuple[list[Path], list[str]]:
+def save_appendix_figures(
+    cache: Cache, sample: ObservedStreams, folder: Path
+) -> tuple[list[Path], list[str]]:
     """Draw the figures of appendices A and B, each as ``appendix….png`` and ``.svg``.
 
     Parameters
@@ -55,7 +58,7 @@ def save_appendix_figures(cache: Cache, sample: Sample, folder: Path) -> tuple[l
     list of Path, list of str
         The files written, and a sentence for each figure whose spectra the cache lacks.
     """
-    keys = [entry.key for entry in sample.only(TWO_CLASSES).entries]
+    keys = sample.only(TWO_CLASSES).keys
     paths = _save(spectrum.spectrum_figure(cache, keys, noise=NOISE), folder / "appendixB")
     lacking = []
     for number, key in enumerate(APPENDIX_A, start=1):
@@ -68,50 +71,47 @@ def save_appendix_figures(cache: Cache, sample: Sample, folder: Path) -> tuple[l
     return paths, lacking
 
 
-def figure_1(cache: Cache, sample: Sample) -> hv.Layout:
+def figure_1(cache: Cache, sample: ObservedStreams) -> hv.Layout:
     """Density along θ∥ for the two classes, without noise (paper fig. 1)."""
     return _densities(cache, sample, TWO_CLASSES)
 
 
-def figure_2(cache: Cache, sample: Sample) -> hv.Layout:
+def figure_2(cache: Cache, sample: ObservedStreams) -> hv.Layout:
     """The same for the two parts of the large mass range (paper fig. 2)."""
     return _densities(cache, sample, THREE_CLASSES[1:])
 
 
-def figure_3(cache: Cache, sample: Sample) -> hv.Layout:
+def figure_3(cache: Cache, sample: ObservedStreams) -> hv.Layout:
     """PDF(Qρ): medians and bands for N_bin = 10, 20, 50, 100 (paper fig. 3)."""
     two = sample.only(TWO_CLASSES)
-    configs = [entry.config for entry in two.entries]
     panels = [
-        pdf.draw(comparison, configs, "matplotlib", title=f"N_bin = {n_bin}")
+        pdf.draw(comparison, two.configs, "matplotlib", title=f"N_bin = {n_bin}")
         for n_bin, comparison in _comparisons(two)
     ]
     return _layout(panels, columns=2)
 
 
-def figure_4(cache: Cache, sample: Sample) -> hv.Layout:
+def figure_4(cache: Cache, sample: ObservedStreams) -> hv.Layout:
     """Π(y_α|M) of all bins for N_bin = 20 (paper fig. 4)."""
     two = sample.only(TWO_CLASSES)
-    configs = [entry.config for entry in two.entries]
     comparison = compare(two.noisy(NOISE), NOISE, FIGURE_4_N_BIN, PAPER_RULES)
     panels = [
-        pdf.draw_y(comparison, alpha, configs, "matplotlib", f"α = {alpha + 1}")
+        pdf.draw_y(comparison, alpha, two.configs, "matplotlib", f"α = {alpha + 1}")
         for alpha in range(FIGURE_4_N_BIN)
     ]
     return _layout(panels, columns=4)
 
 
-def figure_5(cache: Cache, sample: Sample) -> hv.Layout:
+def figure_5(cache: Cache, sample: ObservedStreams) -> hv.Layout:
     """ln B per bin for N_bin = 10, 20, 50, 100, both fiducials (paper fig. 5)."""
     two = sample.only(TWO_CLASSES)
-    configs = [entry.config for entry in two.entries]
     panels = [
         evidence.draw(
             comparison,
             fiducial,
-            configs,
+            two.configs,
             "matplotlib",
-            f"N_bin = {n_bin}, fiducial {mass_text(configs[fiducial].perturbers.mass_range)}",
+            f"N_bin = {n_bin}, fiducial {class_labels(two.configs)[fiducial]}",
         )
         for n_bin, comparison in _comparisons(two)
         for fiducial in (0, 1)
@@ -119,7 +119,7 @@ def figure_5(cache: Cache, sample: Sample) -> hv.Layout:
     return _layout(panels, columns=2)
 
 
-FIGURES: dict[int, Callable[[Cache, Sample], hv.Layout]] = {
+FIGURES: dict[int, Callable[[Cache, ObservedStreams], hv.Layout]] = {
     1: figure_1,
     2: figure_2,
     3: figure_3,
@@ -141,12 +141,12 @@ def _save(figure: hv.Layout | hv.Overlay, stem: Path) -> list[Path]:
     return paths
 
 
-def _densities(cache: Cache, sample: Sample, labels: Sequence[str]) -> hv.Layout:
-    keys = [entry.key for entry in sample.only(labels).entries]
+def _densities(cache: Cache, sample: ObservedStreams, labels: Sequence[str]) -> hv.Layout:
+    keys = sample.only(labels).keys
     return profiles.profiles_figure(cache, keys, quantity="rho", coordinate="theta")
 
 
-def _comparisons(sample: Sample) -> list[tuple[int, Comparison]]:
+def _comparisons(sample: ObservedStreams) -> list[tuple[int, Comparison]]:
     noisy = sample.noisy(NOISE)
     return [(n_bin, compare(noisy, NOISE, n_bin, PAPER_RULES)) for n_bin in PAPER_N_BINS]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import holoviews as hv
 import numpy as np
@@ -23,31 +22,15 @@ from streamdash.plots.elements import (
     steps,
 )
 from streamdash.plots.live import Backend, Columns, area_columns, use
-from streamdash.simulation.geometry import load_geometry
 from streamdash.statistics.evidence import RULES, Comparison, compare
 from streamdash.statistics.pdf import y_distribution
 from streamdash.store.cache import Cache
-from streamdash.survey.bands import noise_draws
-from streamdash.survey.sky import add_noise, longitude_bins, q_rho
+from streamdash.survey.observed import ObservedStreams
 
 N_Y = 50
 """Bins of y in Π(y_α|M), as in the paper's figure 4."""
 EXCLUDED, SELECTED, BINS = "excluded", "selected", "bins"
 Q_LABEL = "Qρ = ρ / ρ̄"
-
-
-@dataclass(frozen=True)
-class Observed:
-    """One ensemble as a telescope sees it: Qρ and its noise draws, (n_streams, n_longitudes)."""
-
-    config: EnsembleConfig
-    q: np.ndarray
-    draws: np.ndarray
-
-    def noisy(self, noise: float, number: int = 0) -> np.ndarray:
-        """Qρ with shot noise σ_ε; `number` above 0 names another draw of it."""
-        draws = noise_draws(self.config, self.q.shape, number) if number else self.draws
-        return add_noise(self.q, draws, noise)
 
 
 def pdf_figure(
@@ -76,11 +59,11 @@ def pdf_figure(
         ``matplotlib`` for files, ``bokeh`` for the browser.
     """
     # Collect
-    observed = [collect(cache, ensemble) for ensemble in ensembles]
+    streams = ObservedStreams.read(cache, ensembles)
     # Compute
-    comparison = compare([o.noisy(noise) for o in observed], noise, n_bin, RULES[rules])
+    comparison = compare(streams.noisy(noise), noise, n_bin, RULES[rules])
     # Plot
-    return draw(comparison, [o.config for o in observed], backend)
+    return draw(comparison, streams.configs, backend)
 
 
 def y_figure(
@@ -97,32 +80,11 @@ def y_figure(
     Other parameters as in `pdf_figure`.
     """
     # Collect
-    observed = [collect(cache, ensemble) for ensemble in ensembles]
+    streams = ObservedStreams.read(cache, ensembles)
     # Compute
-    comparison = compare([o.noisy(noise) for o in observed], noise, n_bin, RULES[rules])
+    comparison = compare(streams.noisy(noise), noise, n_bin, RULES[rules])
     # Plot
-    return draw_y(comparison, comparison.bin_at(q), [o.config for o in observed], backend)
-
-
-# ---------------------------------------------------------------- collect
-
-
-def collect(cache: Cache, ensemble: str | EnsembleConfig) -> Observed:
-    """Read an ensemble and average it over 0.2° bins of longitude.
-
-    Raises
-    ------
-    StoreError
-        When the ensemble is missing or damaged.
-    """
-    config = ensemble if isinstance(ensemble, EnsembleConfig) else cache.find(ensemble).config
-    return observe_ensemble(load_geometry(config.stream, cache), cache.open_ensemble(config), config)
-
-
-def observe_ensemble(geometry, dataset, config: EnsembleConfig) -> Observed:
-    """Qρ per 0.2° bin of an ensemble, and the noise draws that belong to it."""
-    q = q_rho(geometry, dataset, longitude_bins(geometry))
-    return Observed(config, q, noise_draws(config, q.shape))
+    return draw_y(comparison, comparison.bin_at(q), streams.configs, backend)
 
 
 # ---------------------------------------------------------------- plot: PDF(Qρ)

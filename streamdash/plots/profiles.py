@@ -14,11 +14,11 @@ import numpy as np
 import pandas as pd
 
 from streamdash.config import EnsembleConfig
-from streamdash.naming import class_colour, model_text
+from streamdash.naming import class_colour, class_labels, class_names
 from streamdash.plots.live import TOOLS, Backend, area_columns, use
 from streamdash.plots.style import COORDINATE_LABELS, INK, rising_alpha
 from streamdash.store.cache import Cache
-from streamdash.survey.bands import Panel, collect, compute
+from streamdash.survey.bands import Bands, compute, read_profiles
 
 QUANTITY_LABELS = {
     "q_rho": "Qρ = ρ / ρ̄",
@@ -63,7 +63,7 @@ def profiles_figure(
     holoviews.Layout
     """
     # Collect
-    profiles = [collect(cache, ensemble, quantity) for ensemble in ensembles]
+    profiles = read_profiles(cache, ensembles, quantity)
     # Compute
     panels = [compute(binned, i, coordinate, noise, highlight, seed) for i, binned in enumerate(profiles)]
     # Plot
@@ -73,16 +73,27 @@ def profiles_figure(
 # ---------------------------------------------------------------- plot
 
 
-def layout(panels: Sequence[Panel], backend: Backend) -> hv.Layout:
+def layout(panels: Sequence[Bands], backend: Backend) -> hv.Layout:
     """All panels, two in a row."""
-    figure = hv.Layout([draw(panel, backend) for panel in panels]).cols(2)
+    figure = hv.Layout([draw(p, backend, name) for p, name in zip(panels, names(panels), strict=True)]).cols(
+        2
+    )
     if backend == "matplotlib":
         return figure.opts(sublabel_format="", hspace=0.3, vspace=0.2, backend=backend)
     return figure
 
 
-def draw(panel: Panel, backend: Backend) -> hv.Overlay:
-    """Declare one panel; in the browser its data are then replaced by `columns`."""
+def names(panels: Sequence[Bands]) -> list[str]:
+    """Name of each panel's class, with its number among those compared."""
+    labels = class_labels([panel.config for panel in panels])
+    return [f"M{panel.index} · {label}" for panel, label in zip(panels, labels, strict=True)]
+
+
+def draw(panel: Bands, backend: Backend, title: str = "") -> hv.Overlay:
+    """Declare one panel; in the browser its data are then replaced by `columns`.
+
+    The title stands in files only: on the page it is the figure's heading.
+    """
     use(backend)
     x_name, y_name = panel.coordinate, panel.quantity
     x = hv.Dimension(x_name, label=x_name)
@@ -94,13 +105,13 @@ def draw(panel: Panel, backend: Backend) -> hv.Overlay:
     median = hv.Curve(data[MEDIAN], x_name, [y_name, "low", "high", "smooth"], label=MEDIAN)
     chosen = hv.Curve(data[HIGHLIGHTS], x_name, [y_name, "stream"], label=HIGHLIGHTS)
     # Not by group and label: a specification that fits nothing is ignored without a word.
-    styles = _styles(panel, backend)
+    styles = _styles(panel, backend, title)
     parts = [image, band, chosen, smooth, median]
     overlay = hv.Overlay([part.opts(backend=backend, **styles[part.label]) for part in parts])
     return overlay.opts(backend=backend, **styles["frame"])
 
 
-def columns(panel: Panel) -> dict[str, dict[str, Any]]:
+def columns(panel: Bands) -> dict[str, dict[str, Any]]:
     """A panel's arrays by element label and column name, for `LiveFigure.patch`."""
     x_name, y_name = panel.coordinate, panel.quantity
     length = len(panel.x) + 1  # a NaN after each profile lifts the pen
@@ -125,7 +136,7 @@ def columns(panel: Panel) -> dict[str, dict[str, Any]]:
     }
 
 
-def _styles(panel: Panel, backend: Backend) -> dict[str, dict]:
+def _styles(panel: Bands, backend: Backend, title: str) -> dict[str, dict]:
     """HoloViews options of each element, by label, and of the ``frame``."""
     colour, ink = class_colour(panel.index), INK["light"]
     shades = {"cmap": rising_alpha(), "clim": (0, 255)}
@@ -138,7 +149,6 @@ def _styles(panel: Panel, backend: Backend) -> dict[str, dict]:
         "show_legend": False,
     }
     if backend == "matplotlib":
-        title = model_text(panel.index, panel.config.perturbers.mass_range)
         return {
             STREAMS: shades,
             BAND_LABEL: {"facecolor": colour, "alpha": 0.25, "linewidth": 0},
@@ -178,14 +188,15 @@ def _styles(panel: Panel, backend: Backend) -> dict[str, dict]:
 # ---------------------------------------------------------------- words and numbers
 
 
-def table(panels: Sequence[Panel]) -> pd.DataFrame:
+def table(panels: Sequence[Bands]) -> pd.DataFrame:
     """The numbers of a figure: per class and bin the quantiles, the smooth stream, the highlights."""
     units = {"theta": "theta_rad", "ell": "ell_deg", "phi1": "phi1_deg"}
     parts = []
-    for panel in panels:
+    masses = class_names([panel.config for panel in panels])
+    for panel, mass in zip(panels, masses, strict=True):
         part = {
             "model": f"M{panel.index}",
-            "mass_range_msun": panel.config.perturbers.label,
+            "mass_range_msun": mass,
             units[panel.coordinate]: panel.x,
             "smooth": panel.smooth,
             "quantile_16": panel.low,
@@ -200,10 +211,10 @@ def table(panels: Sequence[Panel]) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def sentence(panels: Sequence[Panel]) -> str:
+def sentence(panels: Sequence[Bands]) -> str:
     """What the figure shows now, in words."""
     first = panels[0]
-    names = {
+    quantities = {
         "q_rho": "density relative to the smooth stream, Qρ,",
         "rho": "density ρ",
         "omega": "mean parallel frequency ⟨Ω∥⟩",
@@ -216,13 +227,12 @@ def sentence(panels: Sequence[Panel]) -> str:
     )
     unit = " rad/Gyr" if first.quantity == "omega" else ""
     widths = []
-    for panel in panels:
+    for panel, name in zip(panels, names(panels), strict=True):
         half = float(np.mean(panel.high - panel.low)) / 2
-        name = model_text(panel.index, panel.config.perturbers.mass_range)
         widths.append(f"{name}: ±{half:.2g}{unit}")
     chosen = f" Coloured: {len(first.streams)} random streams of each class." if len(first.streams) else ""
     return (
-        f"The {names[first.quantity]} along {axes[first.coordinate]}{noise}. "
+        f"The {quantities[first.quantity]} along {axes[first.coordinate]}{noise}. "
         f"Half-width of the band that holds 68 % of the streams, averaged along the stream: "
         f"{'; '.join(widths)}.{chosen}"
     )

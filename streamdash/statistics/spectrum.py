@@ -24,7 +24,7 @@ from scipy import signal
 from streamdash.engine.geometry import Geometry
 from streamdash.survey.bands import BAND
 from streamdash.survey.observed import ObservedStreams
-from streamdash.survey.sky import observe
+from streamdash.survey.sky import Coordinate, observe
 
 WINDOW = "hann"
 """Taper of the profiles before they are transformed."""
@@ -215,18 +215,21 @@ def observed_spectra(geometry: Geometry, ensemble: xr.Dataset, streams: Observed
     ensemble : Dataset as `streamdash.store.cache.Cache.open_ensemble` gives it.
     streams : the same ensemble as it is observed, and nothing else.
     """
-    (q,), (draws,) = streams.q, streams.draws
-    return noisy_spectra(q, draws, track_ratio(geometry, ensemble, streams.design.edges), streams.design.step)
+    (q,), (draws,), design = streams.q, streams.draws, streams.design
+    track = track_ratio(geometry, ensemble, design.edges, design.coordinate)
+    return noisy_spectra(q, draws, track, design.step)
 
 
-def track_ratio(geometry: Geometry, ensemble: xr.Dataset, edges: np.ndarray) -> np.ndarray:
-    """⟨ΔΩ∥⟩/⟨ΔΩ∥⁰⟩ per bin of longitude, (n_streams, n_bin) float32.
+def track_ratio(
+    geometry: Geometry, ensemble: xr.Dataset, edges: np.ndarray, coordinate: Coordinate = "ell"
+) -> np.ndarray:
+    """⟨ΔΩ∥⟩/⟨ΔΩ∥⁰⟩ per bin along the stream, (n_streams, n_bin) float32.
 
     A stream without stars at some angle has no track there, and a row of NaN here.
     """
     theta = ensemble.theta.values
-    smooth = observe(geometry, theta, ensemble.omega_smooth.values, edges)
-    return (observe(geometry, theta, ensemble.omega.values, edges) / smooth).astype("float32")
+    smooth = observe(geometry, theta, ensemble.omega_smooth.values, edges, coordinate)
+    return (observe(geometry, theta, ensemble.omega.values, edges, coordinate) / smooth).astype("float32")
 
 
 def shot_noise_level(

@@ -6,6 +6,7 @@ whatever coordinate the profiles are shown in.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numba
@@ -15,10 +16,9 @@ import xarray as xr
 from streamdash.config import EnsembleConfig
 from streamdash.engine.galpy_streams import time_unit_gyr
 from streamdash.engine.geometry import Geometry
-from streamdash.simulation.geometry import load_geometry
 from streamdash.store.cache import Cache
-from streamdash.streams import bins_of
-from streamdash.survey.sky import from_theta, longitude_bins, observe, q_rho, shot_noise, to_theta
+from streamdash.survey.observed import ObservedStreams, open_ensembles
+from streamdash.survey.sky import from_theta, observe, to_theta
 
 RANGES = {"q_rho": (-0.5, 3.0), "rho": (-0.5, 3.0), "omega": (0.0, 0.25)}
 """Vertical range of each figure, the same for every ensemble and noise."""
@@ -67,8 +67,8 @@ class Binned:
 
 
 @dataclass(frozen=True)
-class Panel:
-    """What one panel shows; arrays of shape (n_bin,) unless said otherwise.
+class Bands:
+    """What is shown of one class; arrays of shape (n_bin,) unless said otherwise.
 
     Attributes
     ----------
@@ -102,40 +102,48 @@ class Panel:
 # ---------------------------------------------------------------- collect
 
 
-def collect(cache: Cache, ensemble: str | EnsembleConfig, quantity: str) -> Binned:
-    """Read an ensemble and average its profiles over the bins of its stream.
+def read_profiles(cache: Cache, ensembles: Sequence[str | EnsembleConfig], quantity: str) -> list[Binned]:
+    """Open ensembles of one stream and average their profiles over the bins of that stream.
 
     Raises
     ------
     StoreError
-        When the ensemble is missing or damaged.
+        When an ensemble is missing or damaged.
     """
-    config = ensemble if isinstance(ensemble, EnsembleConfig) else cache.find(ensemble).config
-    geometry = load_geometry(config.stream, cache)
-    return bin_profiles(geometry, cache.open_ensemble(config), config, quantity)
+    opened = open_ensembles(cache, ensembles)
+    return [
+        bin_profiles(opened.geometry, dataset, ObservedStreams.of(opened.geometry, dataset, config), quantity)
+        for config, dataset in zip(opened.configs, opened.datasets, strict=True)
+    ]
 
 
-def bin_profiles(geometry: Geometry, dataset: xr.Dataset, config: EnsembleConfig, quantity: str) -> Binned:
-    """Average an ensemble's profiles over the bins of its stream, see `Binned`."""
-    bins = bins_of(config.stream)
-    where, edges = bins.coordinate, longitude_bins(geometry, bins.width, coordinate=bins.coordinate)
+def bin_profiles(geometry: Geometry, dataset: xr.Dataset, streams: ObservedStreams, quantity: str) -> Binned:
+    """Profiles of one class in the bins it is observed in.
+
+    Parameters
+    ----------
+    dataset : the ensemble, as of `streamdash.store.cache.Cache.open_ensemble`.
+    streams : Qρ of the same ensemble in adjoining bins.
+    quantity : ``q_rho``, ``rho`` or ``omega``.
+    """
+    (config,), (q,), (draws,), design = streams.configs, streams.q, streams.draws, streams.design
+    where, edges = design.coordinate, design.edges
     theta = to_theta(geometry, edges, where)
     ell, longitude = (
         edges if name == where else from_theta(geometry, theta, name)
         for name in ("ell", geometry.frame.longitude)
     )
-    angles = dataset.theta.values
-    mean_density = observe(geometry, angles, dataset.smooth.values, edges, where)
+
+    def binned(values: xr.DataArray) -> np.ndarray:
+        return observe(geometry, dataset.theta.values, values.values, edges, where)
+
     if quantity == "omega":
         unit = time_unit_gyr()
-        values = observe(geometry, angles, dataset.omega.values, edges, where) / unit
-        smooth = observe(geometry, angles, dataset.omega_smooth.values, edges, where) / unit
+        values, smooth = binned(dataset.omega) / unit, binned(dataset.omega_smooth) / unit
         scale = np.zeros(len(smooth))
     else:
-        values = q_rho(geometry, dataset, edges, where)
-        scale = smooth = mean_density if quantity == "rho" else np.ones(len(mean_density))
-        values = values * scale
-    draws = noise_draws(config, values.shape)
+        scale = smooth = binned(dataset.smooth) if quantity == "rho" else np.ones(design.n_bin)
+        values = q * scale
     return Binned(
         config,
         quantity,
@@ -171,20 +179,11 @@ def bin_angles(dataset: xr.Dataset, config: EnsembleConfig) -> Binned:
     return Binned(config, "q_rho", none, edges, none, values, np.zeros_like(values), ones, ones)
 
 
-def noise_draws(config: EnsembleConfig, shape: tuple[int, int], number: int = 0) -> np.ndarray:
-    """The fixed standard-normal draws of an ensemble, (n_streams, n_bin) float32.
-
-    The seed is the ensemble's key, so that no two ensembles share their noise; `number` above 0 names
-    another draw.
-    """
-    return shot_noise(shape, int(config.key, 16) + number)
-
-
 # ---------------------------------------------------------------- compute
 
 
-def compute(binned: Binned, index: int, coordinate: str, noise: float, highlight: int, seed: int) -> Panel:
-    """Everything one panel shows at a given noise; a few milliseconds for 2,000 streams."""
+def compute(binned: Binned, index: int, coordinate: str, noise: float, highlight: int, seed: int) -> Bands:
+    """Everything that is shown of one class at a given noise; a few milliseconds for 2,000 streams."""
     n_streams = binned.values.shape[1]
     edges = binned.edges(coordinate)
     low, high = RANGES[binned.quantity]
@@ -203,7 +202,7 @@ def compute(binned: Binned, index: int, coordinate: str, noise: float, highlight
     image = _shades(n_streams)[counts.T[:, _columns(edges, left, right)]]
     streams = pick_streams(n_streams, highlight, seed)
     highlighted = binned.values[:, streams] + (noise * binned.scale)[:, None] * binned.draws[:, streams]
-    return Panel(
+    return Bands(
         index,
         binned.config,
         binned.quantity,

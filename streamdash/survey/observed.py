@@ -140,15 +140,21 @@ class ObservedStreams:
             parts[0].smooth,
         )
 
-    def only(self, classes: Sequence[int]) -> ObservedStreams:
-        """Some of the classes, by their numbers."""
-        n_impacts = tuple(self.n_impacts[c] for c in classes) if self.n_impacts else ()
+    def only(self, classes: Sequence[int | str]) -> ObservedStreams:
+        """Some of the classes, by their numbers or their `labels`.
+
+        Raises
+        ------
+        ValueError
+            When no class has such a label.
+        """
+        places = [self.labels.index(c) if isinstance(c, str) else c for c in classes]
         return ObservedStreams(
-            tuple(self.configs[c] for c in classes),
+            tuple(self.configs[c] for c in places),
             self.design,
-            tuple(self.q[c] for c in classes),
-            tuple(self.draws[c] for c in classes),
-            n_impacts,
+            tuple(self.q[c] for c in places),
+            tuple(self.draws[c] for c in places),
+            tuple(self.n_impacts[c] for c in places) if self.n_impacts else (),
             self.smooth,
         )
 

@@ -158,10 +158,8 @@ def test_the_code_shown_runs_and_makes_the_figure(open_shell, shipped_cache, tmp
     scope: dict = {}
     exec(shell.page.code(), scope)
     assert (tmp_path / "profiles.png").read_bytes().startswith(b"\x89PNG")
-    panels = [
-        profiles.compute(profiles.collect(Cache.default(), key, "rho"), i, "theta", 0.2, 2, 5)
-        for i, key in enumerate(scope["ensembles"])
-    ]
+    read = bands.read_profiles(Cache.default(), scope["ensembles"], "rho")
+    panels = [bands.compute(binned, i, "theta", 0.2, 2, 5) for i, binned in enumerate(read)]
     for panel, own in zip(panels, shell.page.panels, strict=True):
         np.testing.assert_array_equal(panel.image, own.image)
 

@@ -28,7 +28,7 @@ def test_the_figure_follows_the_noise(open_shell, services):
         shell.session.noise = noise
         profiles = noisy_profiles(services, shell.session.ensembles, noise)
         for m, q in enumerate(profiles):
-            expected = band_of(*power_spectrum(q, page._step()))
+            expected = band_of(*power_spectrum(q, page._design().step))
             np.testing.assert_allclose(data(page.live["density"], f"median {m}")["y"], expected.median, 1e-3)
         np.testing.assert_allclose(data(page.live["density"], "noise")["y"], page._level().median * noise)
     assert "σ_ε = 0.4" in page.card._sentence.text

@@ -51,7 +51,7 @@ def test_text_states_answer_assumptions_and_caveats(small_cache):
         (None, [], "cannot be read"),
         (EXAMPLE.read_bytes(), ["--value", "nothing"], "There is no column “nothing”"),
         (EXAMPLE.read_bytes(), ["--order", "99"], "order"),
-        (EXAMPLE.read_bytes(), ["--mass", "1e3-1e5"], "2 to 4 mass ranges"),
+        (EXAMPLE.read_bytes(), ["--mass", "1e3-1e5"], "2 to 4 classes"),
         (EXAMPLE.read_bytes(), ["--mass", "1e1-1e2,1e3-1e5"], "no complete ensemble of '1e1-1e2'"),
         (EXAMPLE.read_bytes(), ["--coordinate", "sideways"], "--coordinate"),
         (EXAMPLE.read_bytes(), ["--report", "/no/such/folder/x.html"], "does not exist"),

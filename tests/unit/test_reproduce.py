@@ -36,8 +36,8 @@ def sample(cache):
 
 
 @pytest.fixture(scope="module")
-def results(sample):
-    return measure(sample)
+def results(sample, geometry):
+    return measure(sample, geometry)
 
 
 def run(capsys, *arguments: str) -> tuple[int, str, str]:

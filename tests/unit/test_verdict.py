@@ -265,7 +265,7 @@ def test_learning_stops_when_asked(cache, configs, geometry, world):
 
 def test_classes_of_different_streams_are_refused(cache, configs, world):
     strange = configs[1].model_copy(update={"stream": StreamModel(age_gyr=5.0)})
-    with pytest.raises(ClassifierError, match="same stream"):
+    with pytest.raises(ValueError, match="same stream"):
         prepare(cache, [configs[0], strange], world[0].design)
 
 

@@ -128,7 +128,8 @@ class EvidencePage(Page):
             "from streamdash.statistics.cumulative import cumulative_tables\n"
             "from streamdash.statistics.evidence import RULES\n\n"
             "tables = cumulative_tables(\n"
-            f'    profiles, noise={session.noise:g}, rules=RULES["{session.exclude}"], redraw=redraw\n'
+            f'    profiles, noise={session.noise:g}, rules=RULES["{session.exclude}"],\n'
+            f"    redraw=lambda number: streams.noisy({session.noise:g}, number),\n"
             ")\n"
             "for table in tables:\n"
             '    for pair in table["pairs"]:\n'
@@ -302,11 +303,9 @@ def _code_profiles(session: Any) -> str:
     """Lines that read the chosen ensembles and add their noise."""
     ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in session.ensembles)
     return (
-        "from streamdash.plots.pdf import collect\n"
-        "from streamdash.store.cache import Cache\n\n"
+        "from streamdash.store.cache import Cache\n"
+        "from streamdash.survey.observed import ObservedStreams\n\n"
         f"ensembles = [\n{ensembles}\n]\n"
-        "observed = [collect(Cache.default(), key) for key in ensembles]\n\n\n"
-        "def redraw(number):\n"
-        f"    return [one.noisy({session.noise:g}, number) for one in observed]\n\n\n"
-        "profiles = redraw(0)\n"
+        "streams = ObservedStreams.read(Cache.default(), ensembles)\n"
+        f"profiles = streams.noisy({session.noise:g})\n"
     )

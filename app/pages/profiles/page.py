@@ -38,7 +38,7 @@ class ProfilesPage(Page):
 
     def view(self) -> Viewable:
         self.live: dict[int, LiveFigure] = {}
-        self.panels: list[bands.Panel] = []
+        self.panels: list[bands.Bands] = []
         self.grid = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.card = ui.FigureCard(
             "Simulated profiles along the stream",
@@ -115,7 +115,7 @@ class ProfilesPage(Page):
             ui.button("Draw others", self.draw_others, css_classes=["sd-draw-others"]),
         )
 
-    def _compute(self) -> list[bands.Panel]:
+    def _compute(self) -> list[bands.Bands]:
         """Panels of all ensembles that can be read; the others are named in `failures`."""
         session = self.session
         panels, self.failures = [], {}
@@ -137,7 +137,7 @@ class ProfilesPage(Page):
             lambda: bands.bin_profiles(
                 services.geometry(choice.config.stream),
                 services.ensemble(choice.key),
-                choice.config,
+                services.observed([choice]),
                 quantity,
             ),
         )

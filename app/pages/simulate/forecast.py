@@ -16,7 +16,7 @@ from streamdash.simulation.jobs import JobStatus
 from streamdash.simulation.preview import Preview, expectation, preview
 from streamdash.simulation.workers import in_process
 from streamdash.store.cache import Entry
-from streamdash.survey.bands import Panel, bin_angles, compute
+from streamdash.survey.bands import Bands, bin_angles, compute
 
 PREVIEWED = 5
 """Streams shown before the start, and highlighted afterwards."""
@@ -83,7 +83,7 @@ def n_workers(services: Services) -> int:
     return services.jobs.limits.workers or joblib.cpu_count()
 
 
-def panel_of(config: EnsembleConfig, glimpse: xr.Dataset | None, finished: xr.Dataset | None) -> Panel | None:
+def panel_of(config: EnsembleConfig, glimpse: xr.Dataset | None, finished: xr.Dataset | None) -> Bands | None:
     """The streams there are as one panel of the Profiles figure, the first few highlighted."""
     shown = finished if finished is not None else glimpse
     if shown is None:
@@ -129,7 +129,7 @@ def words_before(outlook: Outlook, workers: int) -> str:
     return " ".join(words)
 
 
-def words_curves(outlook: Outlook, panel: Panel) -> str:
+def words_curves(outlook: Outlook, panel: Bands) -> str:
     """What the figure shows now."""
     half = float(np.mean(panel.high - panel.low)) / 2
     along = "density relative to the smooth stream, Qρ, along the parallel angle θ∥"

@@ -22,7 +22,7 @@ from streamdash.config import ConfigError, EnsembleConfig
 from streamdash.plots import profiles
 from streamdash.plots.live import LiveFigure, export
 from streamdash.simulation.jobs import JobStatus, Refused
-from streamdash.survey.bands import Panel
+from streamdash.survey.bands import Bands
 
 LOOK_MS = 300
 REDRAW_S = 1.0
@@ -47,7 +47,7 @@ class SimulatePage(Page):
     def view(self) -> Viewable:
         self.config: EnsembleConfig | None = None
         self.outlook: Outlook | None = None
-        self.panel: Panel | None = None
+        self.panel: Bands | None = None
         self.live: LiveFigure | None = None
         self._asked: tuple = ()
         self._waiting = self._closed = False
@@ -248,7 +248,7 @@ class SimulatePage(Page):
             'Path("simulate.png").write_bytes(export(figure, "png"))\n'
         )
 
-    def _ready(self) -> Panel:
+    def _ready(self) -> Bands:
         if self.panel is None:
             raise Unavailable("There are no streams to show yet.")
         return self.panel
