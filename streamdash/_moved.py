@@ -1,7 +1,8 @@
-"""Where modules lived before the library had packages: code that names the old places still runs.
+"""Where modules lived, and what things were called: code that names the old places and names still runs.
 
 Scripts that people copied from the pages import, for example, ``streamdash.ensemble``. The finder below
 answers for such a name with the module that took its place, and a `DeprecationWarning` that names it.
+Functions that went away answer through `renamed`.
 """
 
 from __future__ import annotations
@@ -9,10 +10,11 @@ from __future__ import annotations
 import importlib
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
+from typing import Any
 
 MOVED = {
     "config_environment": "settings",
@@ -99,10 +101,48 @@ class _Moved(MetaPathFinder, Loader):
         module = ModuleType(spec.name, f"`{new}` under its old name.")
         found = importlib.import_module(new)
         module.__dict__.update({k: v for k, v in vars(found).items() if not k.startswith("__")})
+        if new in RENAMED:
+            module.__dict__["__getattr__"] = renamed(new)
         return module
 
     def exec_module(self, module: ModuleType) -> None:
         """Nothing: the module is filled where it is made."""
+
+
+def read_streams(cache: Any, ensembles: Any) -> Any:
+    """`ObservedStreams.read` under its old name."""
+    # By name: the walls between the packages are not for what only forwards.
+    return importlib.import_module("streamdash.survey.observed").ObservedStreams.read(cache, ensembles)
+
+
+def collect(cache: Any, ensemble: Any) -> Any:
+    """One ensemble as ``plots.pdf.collect`` gave it: ``config``, ``q``, ``draws`` and ``noisy(noise)``."""
+    streams = read_streams(cache, [ensemble])
+
+    def noisy(noise: float, number: int = 0) -> Any:
+        return streams.noisy(noise, number)[0]
+
+    return SimpleNamespace(config=streams.configs[0], q=streams.q[0], draws=streams.draws[0], noisy=noisy)
+
+
+RENAMED: dict[str, dict[str, Callable[..., Any]]] = {
+    "streamdash.classifier.data": {"read_streams": read_streams},
+    "streamdash.plots.pdf": {"collect": collect},
+}
+"""By module, what listings used to name; all of it is `ObservedStreams.read` now."""
+
+
+def renamed(module: str) -> Callable[[str], Any]:
+    """``__getattr__`` of a module of `RENAMED` (PEP 562)."""
+
+    def find(name: str) -> Any:
+        if name not in RENAMED[module]:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        new = "streamdash.survey.observed.ObservedStreams.read"
+        warnings.warn(f"{module}.{name} is now {new}", DeprecationWarning, stacklevel=2)
+        return RENAMED[module][name]
+
+    return find
 
 
 def install() -> None:

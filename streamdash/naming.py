@@ -42,11 +42,6 @@ def mass_text(mass_range: tuple[float, float]) -> str:
     return f"{_power(low)}–{_power(high)} {MASS_UNIT}"
 
 
-def model_text(index: int, mass_range: tuple[float, float]) -> str:
-    """Name of a class in titles, legends and tables, for example ``M0 · 10³–10⁵ M☉``."""
-    return f"M{index} · {mass_text(mass_range)}"
-
-
 def _power(text: str) -> str:
     return MASS.sub(_as_power, text)
 

@@ -13,9 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from sklearn.model_selection import train_test_split
 
+from streamdash._moved import renamed
 from streamdash.survey.design import measured
 from streamdash.survey.observed import ObservedStreams
 
+__getattr__ = renamed(__name__)
 TEST_SHARE = 0.25
 """Share of all streams kept for testing (paper §2.5)."""
 VALIDATION_SHARE = 0.25

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from streamdash.config import EnsembleConfig
-from streamdash.naming import class_colour, model_text
+from streamdash.naming import class_colour, class_names, model_labels
 from streamdash.plots.elements import error_bars, framed, level_lines, line, nice_top, points
 from streamdash.plots.live import Backend, use
 from streamdash.plots.style import INK
@@ -94,15 +94,15 @@ def y_frame(tables: Tables, fiducial: int, paper: bool) -> tuple[float, float]:
 
 def table(tables: Tables, configs: Sequence[EnsembleConfig], paper: bool) -> pd.DataFrame:
     """All numbers of the cumulative evidence, one line per pair and number of bins."""
-    lines = []
+    lines, masses = [], class_names(configs)
     for entry in tables:
         for pair in entry["pairs"]:
             names = {
                 "n_bin": entry["n_bin"],
                 "fiducial": f"M{pair['i']}",
                 "against": f"M{pair['j']}",
-                "fiducial_mass_range_msun": configs[pair["i"]].perturbers.label,
-                "against_mass_range_msun": configs[pair["j"]].perturbers.label,
+                "fiducial_mass_range_msun": masses[pair["i"]],
+                "against_mass_range_msun": masses[pair["j"]],
             }
             numbers = {name: value for name, value in pair.items() if name not in ("i", "j", "paper")}
             published = {"paper": paper_value(pair["i"], pair["j"], entry["n_bin"])} if paper else {}
@@ -112,9 +112,9 @@ def table(tables: Tables, configs: Sequence[EnsembleConfig], paper: bool) -> pd.
 
 def sentence(tables: Tables, fiducial: int, configs: Sequence[EnsembleConfig]) -> str:
     """What the table and figure of cumulative evidence say now, in words."""
-    parts = []
+    parts, labels = [], model_labels(configs)
     for j in rivals(tables, fiducial):
-        name = model_text(j, configs[j].perturbers.mass_range)
+        name = labels[j]
         ends = [row(table, fiducial, j) for table in (tables[0], tables[-1])]
         if not all(end["n_kept"] for end in ends):
             parts.append(f"against {name} nothing can be compared at some N_bin")
@@ -125,11 +125,10 @@ def sentence(tables: Tables, fiducial: int, configs: Sequence[EnsembleConfig]) -
             f"{ends[1]['sum']:.1f} at {high}, all bins together from {_joint(ends[0])} to "
             f"{_joint(ends[1])}"
         )
-    truth = model_text(fiducial, configs[fiducial].perturbers.mass_range)
     return (
-        f"If the perturbers are {truth}: {'; '.join(parts)}. The plain sum counts correlated bins several "
-        "times; all bins together do not. Both are the paper’s figure of merit, not the probability of any "
-        f"data: it falls where the truth is broad. {_held_out_words(tables, fiducial)}"
+        f"If the perturbers are {labels[fiducial]}: {'; '.join(parts)}. The plain sum counts correlated "
+        "bins several times; all bins together do not. Both are the paper’s figure of merit, not the "
+        f"probability of any data: it falls where the truth is broad. {_held_out_words(tables, fiducial)}"
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from streamdash.config import EnsembleConfig
-from streamdash.naming import class_colour, model_text
+from streamdash.naming import class_colour, class_names, model_labels
 from streamdash.plots.elements import (
     error_bars,
     framed,
@@ -105,10 +105,8 @@ def draw(
         parts.append(error_bars(f"error {j}", bars["base"], bars["lower"], bars["upper"], colour, backend))
         parts.append(points(f"ln_b {j}", dots["x"], dots["y"], colour, backend))
     if backend == "bokeh":
-        names = [
-            (f"against {model_text(j, configs[j].perturbers.mass_range)}", f"@text{j}")
-            for j in others(comparison, fiducial)
-        ]
+        labels = model_labels(configs)
+        names = [(f"against {labels[j]}", f"@text{j}") for j in others(comparison, fiducial)]
         where = [("bin α", "@number"), ("Qρ", "@x0{0.000} to @x1{0.000}")]
         parts.append(hover_spans(BINS, data[BINS], [*where, *names]))
     ranges = y_frame(comparison, fiducial)
@@ -198,7 +196,7 @@ def growth_frame(curves: Mapping[int, Growth]) -> tuple[tuple[float, float], tup
 
 def table(comparison: Comparison, fiducial: int, configs: Sequence[EnsembleConfig]) -> pd.DataFrame:
     """The numbers of the figure of ln B: per bin and model compared with, value, error and exclusion."""
-    evidence = comparison.evidence
+    evidence, masses = comparison.evidence, class_names(configs)
     parts = []
     for j in others(comparison, fiducial):
         median, low, high = evidence.ln_bayes(fiducial, fiducial, j)
@@ -207,8 +205,8 @@ def table(comparison: Comparison, fiducial: int, configs: Sequence[EnsembleConfi
                 {
                     "fiducial": f"M{fiducial}",
                     "against": f"M{j}",
-                    "fiducial_mass_range_msun": configs[fiducial].perturbers.label,
-                    "against_mass_range_msun": configs[j].perturbers.label,
+                    "fiducial_mass_range_msun": masses[fiducial],
+                    "against_mass_range_msun": masses[j],
                     "bin": np.arange(1, len(median) + 1),
                     "q_rho_from": comparison.edges[:-1],
                     "q_rho_to": comparison.edges[1:],
@@ -224,11 +222,11 @@ def table(comparison: Comparison, fiducial: int, configs: Sequence[EnsembleConfi
 
 def sentence(comparison: Comparison, fiducial: int, configs: Sequence[EnsembleConfig]) -> str:
     """What the figure of ln B shows now, in words."""
-    evidence = comparison.evidence
+    evidence, labels = comparison.evidence, model_labels(configs)
     parts = []
     for j in others(comparison, fiducial):
         total = evidence.cumulative(fiducial, fiducial, j)
-        name = model_text(j, configs[j].perturbers.mass_range)
+        name = labels[j]
         if not total.n_kept:
             parts.append(f"against {name} no bin can be compared")
             continue
@@ -238,7 +236,7 @@ def sentence(comparison: Comparison, fiducial: int, configs: Sequence[EnsembleCo
         )
     grey = int(excluded_bins(comparison, fiducial).sum())
     return (
-        f"If the perturbers are {model_text(fiducial, configs[fiducial].perturbers.mass_range)}: "
+        f"If the perturbers are {labels[fiducial]}: "
         f"{'; '.join(parts)}. {grey} of {len(comparison.centers)} bins are excluded (grey). "
         "The sum ignores correlations between bins; bars are the spread over 10 to 500 bins of y."
     )

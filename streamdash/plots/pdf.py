@@ -8,8 +8,9 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
+from streamdash._moved import renamed
 from streamdash.config import EnsembleConfig
-from streamdash.naming import class_colour, model_text
+from streamdash.naming import class_colour, class_names, model_labels
 from streamdash.plots.elements import (
     frame_span,
     framed,
@@ -27,6 +28,7 @@ from streamdash.statistics.pdf import y_distribution
 from streamdash.store.cache import Cache
 from streamdash.survey.observed import ObservedStreams
 
+__getattr__ = renamed(__name__)
 N_Y = 50
 """Bins of y in Π(y_α|M), as in the paper's figure 4."""
 EXCLUDED, SELECTED, BINS = "excluded", "selected", "bins"
@@ -108,7 +110,7 @@ def draw(
     if backend == "bokeh":
         if selected is not None:
             parts.append(frame_span(SELECTED, edges[selected], edges[selected + 1]))
-        names = [(model_text(m, c.perturbers.mass_range), f"@text{m}") for m, c in enumerate(configs)]
+        names = [(label, f"@text{m}") for m, label in enumerate(model_labels(configs))]
         where = [("bin α", "@number"), ("Qρ", "@x0{0.000} to @x1{0.000}")]
         tips = [*where, *names, ("counts for evidence", "@counts")]
         parts.append(hover_spans(BINS, columns(comparison, 0)[BINS], tips))
@@ -177,9 +179,7 @@ def draw_y(
         for m, h in enumerate(heights)
     ]
     if backend == "bokeh":
-        names = [
-            (model_text(m, c.perturbers.mass_range), f"@height{m}{{0.000}}") for m, c in enumerate(configs)
-        ]
+        names = [(label, f"@height{m}{{0.000}}") for m, label in enumerate(model_labels(configs))]
         tips = [("y_α", "@x0{0.000} to @x1{0.000}"), *names]
         parts.append(hover_spans(BINS, y_columns(comparison, selected)[BINS], tips))
     ranges = y_frame(comparison, selected)
@@ -217,7 +217,7 @@ def table(comparison: Comparison, configs: Sequence[EnsembleConfig]) -> pd.DataF
         pd.DataFrame(
             {
                 "model": f"M{m}",
-                "mass_range_msun": config.perturbers.label,
+                "mass_range_msun": mass,
                 "bin": np.arange(1, len(comparison.edges)),
                 "q_rho_from": comparison.edges[:-1],
                 "q_rho_to": comparison.edges[1:],
@@ -227,7 +227,7 @@ def table(comparison: Comparison, configs: Sequence[EnsembleConfig]) -> pd.DataF
                 "excluded": excluded,
             }
         )
-        for m, (config, band) in enumerate(zip(configs, comparison.bands, strict=True))
+        for m, (mass, band) in enumerate(zip(class_names(configs), comparison.bands, strict=True))
     ]
     return pd.concat(parts, ignore_index=True)
 
@@ -239,14 +239,14 @@ def y_table(comparison: Comparison, selected: int, configs: Sequence[EnsembleCon
         pd.DataFrame(
             {
                 "model": f"M{m}",
-                "mass_range_msun": config.perturbers.label,
+                "mass_range_msun": mass,
                 "bin": selected + 1,
                 "y_from": edges[:-1],
                 "y_to": edges[1:],
                 "density": height,
             }
         )
-        for m, (config, height) in enumerate(zip(configs, heights, strict=True))
+        for m, (mass, height) in enumerate(zip(class_names(configs), heights, strict=True))
     ]
     return pd.concat(parts, ignore_index=True)
 
@@ -255,10 +255,10 @@ def sentence(comparison: Comparison, configs: Sequence[EnsembleConfig]) -> str:
     """What the figure of PDF(Qρ) shows now, in words."""
     centers = comparison.centers
     peaks = []
-    for m, (config, band) in enumerate(zip(configs, comparison.bands, strict=True)):
+    for label, band in zip(model_labels(configs), comparison.bands, strict=True):
         top = int(np.argmax(band.median))
         peaks.append(
-            f"{model_text(m, config.perturbers.mass_range)} peaks at Qρ = {centers[top]:.2f} "
+            f"{label} peaks at Qρ = {centers[top]:.2f} "
             f"with {band.median[top]:.2f} ({band.low[top]:.2f}–{band.high[top]:.2f})"
         )
     grey = int(excluded_bins(comparison).sum())
@@ -273,13 +273,10 @@ def y_sentence(comparison: Comparison, selected: int, configs: Sequence[Ensemble
     """What the figure of Π(y_α|M) shows now, in words."""
     low, high = comparison.edges[selected : selected + 2]
     parts = []
-    for m, config in enumerate(configs):
+    for m, label in enumerate(model_labels(configs)):
         y = comparison.sorted_y[m][selected]
         share = np.count_nonzero(y > 0) / len(y)
-        parts.append(
-            f"{model_text(m, config.perturbers.mass_range)}: median {np.median(y):.3g}, "
-            f"{100 * share:.0f} % of the streams reach this bin"
-        )
+        parts.append(f"{label}: median {np.median(y):.3g}, {100 * share:.0f} % of the streams reach this bin")
     grey = " The bin is grey: it does not count." if excluded_bins(comparison)[selected] else ""
     return (
         f"Bin α = {selected + 1}, Qρ from {low:.3f} to {high:.3f}: how y_α is distributed over the streams "

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from streamdash.config import EnsembleConfig
-from streamdash.naming import class_colour, model_text
+from streamdash.naming import class_colour, class_names, model_labels
 from streamdash.plots.elements import GREY, framed, hover_spans, line
 from streamdash.plots.live import Backend, Columns, area_columns, use
 from streamdash.plots.style import INK
@@ -113,7 +113,7 @@ def draw(
         level = shown.noise
         parts.append(line(NOISE, level.scale, _drawable(level.median), INK["light"], backend))
     if backend == "bokeh":
-        names = [(model_text(m, c.perturbers.mass_range), f"@text{m}") for m, c in enumerate(configs)]
+        names = [(label, f"@text{m}") for m, label in enumerate(model_labels(configs))]
         tips = [("1/k", "@at{0.0}°"), *names]
         if kind == "density":
             tips.append(("shot noise alone", "@noise"))
@@ -193,7 +193,7 @@ def draw_bispectrum(
         line(f"median {m}", band.scale, band.median, class_colour(m), backend) for m, band in enumerate(bands)
     ]
     if backend == "bokeh":
-        names = [(model_text(m, c.perturbers.mass_range), f"@text{m}") for m, c in enumerate(configs)]
+        names = [(label, f"@text{m}") for m, label in enumerate(model_labels(configs))]
         spans = bispectrum_columns(bispectra, part)[SCALES]
         parts.append(hover_spans(SCALES, spans, [("1/k₂", "@at{0.0}°"), *names]))
     return framed(parts, "1/k₂ (deg)", B_LABELS[part], X_RANGE, B_RANGE, backend, log=True)
@@ -217,13 +217,13 @@ def bispectrum_columns(bispectra: Sequence[Bispectrum], part: Part) -> Columns:
 def table(shown: Shown, configs: Sequence[EnsembleConfig], kinds: Sequence[str] = KINDS) -> pd.DataFrame:
     """The numbers of the figures: per class, kind and scale the median and the band of √P."""
     parts = [
-        _rows(shown.bands[kind][m], model=f"M{m}", mass_range_msun=config.perturbers.label, spectrum=kind)
+        _rows(shown.bands[kind][m], model=f"M{m}", mass_range_msun=mass, spectrum=kind)
         for kind in kinds
-        for m, config in enumerate(configs)
+        for m, mass in enumerate(class_names(configs))
     ]
     if "density" in kinds:
-        for m, config in enumerate(configs):
-            names = {"model": f"M{m}", "mass_range_msun": config.perturbers.label}
+        for m, mass in enumerate(class_names(configs)):
+            names = {"model": f"M{m}", "mass_range_msun": mass}
             parts.append(_rows(shown.clean[m], **names, spectrum="density without noise"))
         parts.append(_rows(shown.noise, model="", mass_range_msun="", spectrum="shot noise"))
     return pd.concat(parts, ignore_index=True)
@@ -232,8 +232,8 @@ def table(shown: Shown, configs: Sequence[EnsembleConfig], kinds: Sequence[str] 
 def bispectrum_table(bispectra: Sequence[Bispectrum], configs: Sequence[EnsembleConfig]) -> pd.DataFrame:
     """The numbers of the bispectra: per class, part and scale the median and the band."""
     parts = []
-    for m, (found, config) in enumerate(zip(bispectra, configs, strict=True)):
-        names = {"model": f"M{m}", "mass_range_msun": config.perturbers.label}
+    for m, (found, mass) in enumerate(zip(bispectra, class_names(configs), strict=True)):
+        names = {"model": f"M{m}", "mass_range_msun": mass}
         for part, band in (("real", found.real), ("imaginary", found.imaginary)):
             frame = _rows(band, **names, part=part, scale_1_deg=found.scale_1)
             parts.append(frame.rename(columns=lambda name: name.replace("sqrt_power_deg", "abs_b")))
@@ -257,8 +257,8 @@ def sentence(shown: Shown, configs: Sequence[EnsembleConfig]) -> str:
     """What the figure of the density spectrum shows now, in words."""
     largest = float(shown.noise.scale[0])
     heights = ", ".join(
-        f"{model_text(m, c.perturbers.mass_range)} {band.median[0]:.2g}"
-        for m, (c, band) in enumerate(zip(configs, shown.bands["density"], strict=True))
+        f"{label} {band.median[0]:.2g}"
+        for label, band in zip(model_labels(configs), shown.bands["density"], strict=True)
     )
     true = [s for s in shown.statements if s.clean_true]
     return (
@@ -271,13 +271,12 @@ def sentence(shown: Shown, configs: Sequence[EnsembleConfig]) -> str:
 
 def track_sentence(shown: Shown, configs: Sequence[EnsembleConfig]) -> str:
     """What the figures of track and cross spectra show now, in words."""
-    parts = []
+    parts, labels = [], model_labels(configs)
     for m, config in enumerate(configs):
         track, cross = shown.bands["track"][m], shown.bands["cross"][m]
         left_out = config.n_streams - track.n_streams
         gone = f" ({left_out} of its streams have no stars somewhere and do not count)" if left_out else ""
-        name = model_text(m, config.perturbers.mass_range)
-        parts.append(f"{name} {track.median[0]:.2g} and {cross.median[0]:.2g}{gone}")
+        parts.append(f"{labels[m]} {track.median[0]:.2g} and {cross.median[0]:.2g}{gone}")
     scale = shown.bands["track"][0].scale[0]
     return (
         f"The track in parallel frequency, and what it has in common with the density; at {scale:.0f}° √P "
@@ -288,8 +287,8 @@ def track_sentence(shown: Shown, configs: Sequence[EnsembleConfig]) -> str:
 def bispectrum_sentence(bispectra: Sequence[Bispectrum], configs: Sequence[EnsembleConfig]) -> str:
     """What the figures of the bispectrum show now, in words."""
     parts = [
-        f"{model_text(m, c.perturbers.mass_range)} {b.real.median[0]:.1e} and {b.imaginary.median[0]:.1e}"
-        for m, (c, b) in enumerate(zip(configs, bispectra, strict=True))
+        f"{label} {b.real.median[0]:.1e} and {b.imaginary.median[0]:.1e}"
+        for label, b in zip(model_labels(configs), bispectra, strict=True)
     ]
     return (
         f"Three waves at a time, for 1/k₁ = {bispectra[0].scale_1:.1f}°: the real part measures skewness, "
@@ -300,7 +299,8 @@ def bispectrum_sentence(bispectra: Sequence[Bispectrum], configs: Sequence[Ensem
 
 def statement_text(statement: Statement, configs: Sequence[EnsembleConfig]) -> str:
     """A tested statement as a person would say it, without its verdict."""
-    names = [model_text(m, configs[m].perturbers.mass_range) for m in statement.classes]
+    labels = model_labels(configs)
+    names = [labels[m] for m in statement.classes]
     if statement.kind == "detected":
         return f"{names[0]} stands out of the shot noise"
     return f"{names[0]} and {names[1]} are told apart"

@@ -9,10 +9,13 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import streamdash
 from streamdash._moved import MOVED
+from streamdash.store.cache import Cache
+from streamdash.survey.observed import ObservedStreams
 
 ROOT = Path(__file__).resolve().parents[2]
 MAX_LINES = 420
@@ -87,6 +90,28 @@ def test_modules_answer_to_their_old_names(old):
     new = importlib.import_module(f"streamdash.{MOVED[old]}")
     public = {k: v for k, v in vars(new).items() if not k.startswith("_")}
     assert public.items() <= vars(module).items()
+
+
+LISTED = ("streamdash.plots.pdf", "streamdash.classifier.data", "streamdash.classifier_data")
+
+
+@pytest.mark.parametrize("module", LISTED)
+def test_what_listings_named_still_answers(module, small_cache):
+    old = "collect" if module.endswith("pdf") else "read_streams"
+    scope: dict = {}
+    with pytest.warns(DeprecationWarning, match="ObservedStreams.read"):
+        exec(f"from {module} import {old}", scope)
+    cache = Cache.default(small_cache)
+    keys = [entry.key for entry in cache.entries() if entry.kind == "ensemble"]
+    streams = ObservedStreams.read(cache, keys)
+    if old == "collect":
+        one = scope[old](cache, keys[1])
+        assert one.config == streams.configs[1]
+        np.testing.assert_array_equal(one.noisy(0.2), streams.noisy(0.2)[1])
+    else:
+        assert scope[old](cache, keys).digest == streams.digest
+    with pytest.raises(ImportError):
+        exec(f"from {module} import nothing_of_the_kind", {})
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from app.services.comparison import (
     shared_comparison,
 )
 from app.services.later import Later
-from streamdash.naming import mass_text
+from streamdash.naming import class_labels
 from streamdash.paths import DOCS
 from streamdash.plots import cumulative, evidence
 from streamdash.plots.live import LiveFigure, export
@@ -284,7 +284,7 @@ class EvidencePage(Page):
         self.growth_slot[:] = [ui.error_state(sentence)]
 
     def _figure(self) -> Any:
-        title = f"fiducial {mass_text(configs(self.session)[self.fiducial].perturbers.mass_range)}"
+        title = f"fiducial {class_labels(configs(self.session))[self.fiducial]}"
         return evidence.draw(self.data, self.fiducial, configs(self.session), "matplotlib", title)
 
     def _cumulative(self, backend: Any) -> Any:

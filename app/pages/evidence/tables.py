@@ -8,7 +8,7 @@ from typing import Any
 
 from app.ui.layout import reachable
 from streamdash.config import EnsembleConfig
-from streamdash.naming import class_colour, mass_text
+from streamdash.naming import class_colour, class_labels
 from streamdash.plots.cumulative import row
 from streamdash.plots.evidence import words
 from streamdash.statistics.cumulative import paper_value
@@ -111,5 +111,5 @@ def _line(name: str, cells: Sequence[str]) -> str:
 
 
 def _name(model: int, configs: Sequence[EnsembleConfig]) -> str:
-    text = html.escape(mass_text(configs[model].perturbers.mass_range))
+    text = html.escape(class_labels(configs)[model])
     return f"<span style='color:{class_colour(model)}' aria-hidden='true'>■</span> M{model} {text}"

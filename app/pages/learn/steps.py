@@ -23,6 +23,7 @@ from app.session.session import SEED_MAX
 from streamdash import streams
 from streamdash.engine.flyby import kick_along_stream
 from streamdash.engine.galpy_streams import time_unit_gyr
+from streamdash.naming import class_names
 from streamdash.plots import flyby as flyby_plot
 from streamdash.plots import flyby_words, pdf, story
 from streamdash.plots.live import Backend, Columns
@@ -177,7 +178,7 @@ class ManyStep(Step):
         return f"One simulated stream of each mass range{noise}. Without noise Qρ goes, for {spans}."
 
     def table(self) -> pd.DataFrame:
-        labels = [choice.config.perturbers.label for choice in self.choices]
+        labels = class_names([choice.config for choice in self.choices])
         return story.pair_table(self.ell, self.clean, self.noisy, labels)
 
     def call(self) -> tuple[str, str, str]:
@@ -335,7 +336,7 @@ class QuestionStep(Step):
         )
 
     def table(self) -> pd.DataFrame:
-        return story.pieces_table(self.data, [c.config.perturbers.label for c in self.choices])
+        return story.pieces_table(self.data, class_names([choice.config for choice in self.choices]))
 
     def call(self) -> tuple[str, str, str]:
         return "story", "pieces_figure", f", ensembles, noise={self.session.noise:g}"
