@@ -6,6 +6,7 @@ import contextlib
 import logging
 import os
 import threading
+from pathlib import Path
 from typing import Any
 
 from app.session.catalog import SHOWN, Catalog, read_catalog
@@ -74,6 +75,6 @@ class CacheWatch:
                 with contextlib.suppress(OSError):
                     for entry in os.scandir(root / kind):
                         with contextlib.suppress(OSError):
-                            stat = os.stat(os.path.join(entry.path, "manifest.json"))
+                            stat = Path(entry.path, "manifest.json").stat()
                             found.append((entry.path, stat.st_mtime_ns, stat.st_ino))
         return tuple(sorted(found))

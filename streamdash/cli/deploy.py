@@ -162,7 +162,7 @@ def server_arguments(settings: Deployment, show: bool, environment: Mapping[str,
     origins = list(settings.origins)
     if not origins and not environment.get("BOKEH_ALLOW_WS_ORIGIN"):
         hosts = ["localhost", "127.0.0.1"]
-        if settings.address not in ("", "0.0.0.0", "::", *hosts):
+        if settings.address not in ("", "0.0.0.0", "::", *hosts):  # noqa: S104 (compared, not bound)
             hosts.append(settings.address)
         origins = [f"{host}:{settings.port}" for host in hosts]
     for origin in origins:

@@ -58,5 +58,5 @@ def serve_command(
     command = [sys.executable, str(paths.APP / "launch.py"), *server_arguments(chosen, show, os.environ)]
     if os.name == "posix":  # become the server, so that signals reach it and nothing is orphaned
         sys.stdout.flush()
-        os.execve(sys.executable, command, environment)
+        os.execve(sys.executable, command, environment)  # noqa: S606 (a shell would only be in the way)
     raise typer.Exit(subprocess.call(command, env=environment))

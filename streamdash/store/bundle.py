@@ -75,7 +75,7 @@ def export_entry(cache: Cache, name: str, target: Path) -> Entry:
                 for inside in names:
                     # A fixed date, so that the same entry is always the same file.
                     archive.writestr(zipfile.ZipInfo(inside), (entry.path / inside).read_bytes())
-            os.replace(aside, target)
+            Path(aside).replace(target)
         except BaseException:
             Path(aside).unlink(missing_ok=True)
             raise
@@ -178,7 +178,7 @@ def _check_directory(source: Path) -> None:
 
     It must end the file as in our exports: no comment, no ZIP64 extension.
     """
-    with open(source, "rb") as file:
+    with source.open("rb") as file:
         file.seek(max(source.stat().st_size - 42, 0))
         tail = file.read()
     locator, end = tail[:-22], tail[-22:]

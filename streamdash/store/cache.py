@@ -331,7 +331,7 @@ class Cache:
         root = self._writable()
         with self.writing(entry.key or entry.path.name), explained(root):
             doomed = entry.path.with_name(f".removed-{uuid.uuid4().hex}")
-            os.replace(entry.path, doomed)
+            entry.path.replace(doomed)
             shutil.rmtree(doomed)
 
     # ------------------------------------------------------------ inside

@@ -114,7 +114,7 @@ def write_file(path: Path, data: bytes) -> None:
     aside = path.with_name(f".{path.name}.tmp")
     try:
         aside.write_bytes(data)
-        os.replace(aside, path)
+        aside.replace(path)
     except BaseException:
         aside.unlink(missing_ok=True)
         raise
@@ -228,7 +228,7 @@ def file_problems(entry: Path, checksums: Mapping[str, str], fresh: bool) -> lis
 
 @lru_cache(maxsize=100_000)
 def _sha256_of(path: str, _mtime_ns: int, _size: int, _inode: int) -> str:
-    with open(path, "rb") as file:
+    with Path(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
@@ -344,7 +344,7 @@ def _size(path: Path) -> int:
     for folder, _, names in os.walk(path):  # passes over folders that are removed meanwhile
         for name in names:
             with contextlib.suppress(OSError):
-                total += os.stat(os.path.join(folder, name)).st_size
+                total += Path(folder, name).stat().st_size
     return total
 
 
@@ -388,12 +388,12 @@ def create(path: Path, config: Config, manifest: Manifest, files: Mapping[str, b
         write_file(aside / DATA / name, data)
     write_model(aside / "config.json", config)
     write_model(aside / "manifest.json", manifest)
-    os.replace(aside, path)
+    aside.replace(path)
 
 
 def set_aside(path: Path) -> None:
     """Rename a directory that cannot be used, so that another can take its place."""
-    os.replace(path, path.with_name(f"{path.name}{SET_ASIDE}{uuid.uuid4().hex[:8]}"))
+    path.replace(path.with_name(f"{path.name}{SET_ASIDE}{uuid.uuid4().hex[:8]}"))
 
 
 def write_model(path: Path, model: Config) -> None:
