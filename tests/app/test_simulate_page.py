@@ -150,7 +150,7 @@ def test_every_page_shows_or_says_what_it_can_do_with_a_single_ensemble(open_own
     assert len(shell.session.ensembles) == 1
     if shell.page is None:
         (refusal,) = shell.slots[key]
-        assert "two mass ranges" in refusal[0].object or "2 to 4 mass ranges" in refusal[0].object
+        assert "two mass ranges" in refusal[0].object or "2 to 4 classes" in refusal[0].object
 
 
 # ------------------------------------------------------------------ the job
