@@ -12,14 +12,14 @@ import signal
 import threading
 import time
 import warnings
-from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from functools import lru_cache
 from itertools import islice
 from typing import Any, Literal, TypeVar
 
 import joblib
-from joblib.executor import get_memmapping_executor
+from joblib.externals.loky import get_reusable_executor
 from threadpoolctl import threadpool_limits
 
 T = TypeVar("T")
@@ -29,6 +29,10 @@ BACKENDS = {"inline": "sequential", "processes": "loky"}
 PARENT_POLL_S = 1.0
 IDLE_S = 300
 """Worker processes without work end after this long; joblib's own number."""
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
+)
+"""Environment of worker processes: one core each."""
 _ending = threading.Event()
 """This process is about to end."""
 
@@ -62,20 +66,52 @@ def results(
         When the executor does not exist; whatever `function` raises is passed on as well.
     """
     backend = BACKENDS.get(executor, executor)
-    settled = {"initializer": _settle, "initargs": (os.getpid(), nice)}
-    options = {"inner_max_num_threads": 1, **settled} if backend == "loky" else {}
     n_jobs = 1 if backend == "sequential" else workers or joblib.cpu_count()
-    work = joblib.delayed(_work)
-    jobs = (work(function, piece) for piece in pieces)
-    chosen = _on_cluster() if backend == "dask" else backend
-    with _as_worker_error(), joblib.parallel_config(backend=chosen, n_jobs=n_jobs, **options):
-        with _spared_from_ctrl_c():
-            if backend == "loky" and n_jobs == 1:
-                found = _in_one_worker(jobs, settled)
-            else:
-                found = joblib.Parallel(return_as="generator_unordered", batch_size=1)(jobs)
+    with _as_worker_error():
         if backend == "loky":
-            _end_workers_at_exit()
+            yield from _from_processes(function, pieces, n_jobs, nice)
+        else:
+            yield from _from_joblib(function, pieces, _on_cluster() if backend == "dask" else backend, n_jobs)
+
+
+def _from_processes(
+    function: Callable[..., T], pieces: Iterable[tuple], n_workers: int, nice: int
+) -> Generator[T]:
+    """Results from worker processes of this machine, which all computations of this process share.
+
+    What is given up is only taken out of the queue: joblib would kill the workers, and with them what
+    others compute there; and with one worker it would compute in this process.
+    """
+    coming = iter(pieces)
+
+    def submit(most: int) -> set[Future[T]]:
+        with _spared_from_ctrl_c():
+            # Asked for each time, as workers that were killed or ended are replaced as a whole.
+            executor = get_reusable_executor(
+                n_workers, timeout=IDLE_S, initializer=_settle, initargs=(os.getpid(), nice), env=ONE_THREAD
+            )
+            return {executor.submit(_work, function, piece) for piece in islice(coming, most)}
+
+    waiting = submit(2 * n_workers)  # no worker waits for this process
+    _end_workers_at_exit()
+    try:
+        while waiting:
+            finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in finished:
+                yield future.result()
+            waiting |= submit(len(finished))
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+def _from_joblib(
+    function: Callable[..., T], pieces: Iterable[tuple], backend: Any, n_jobs: int
+) -> Generator[T]:
+    """Results from a backend of joblib's."""
+    jobs = (joblib.delayed(_work)(function, piece) for piece in pieces)
+    with joblib.parallel_config(backend=backend, n_jobs=n_jobs):
+        found = joblib.Parallel(return_as="generator_unordered", batch_size=1)(jobs)
         try:
             # Not `yield from`, which would close them before the warnings are off.
             for result in found:  # noqa: UP028
@@ -84,25 +120,6 @@ def results(
             with warnings.catch_warnings():  # that work is given up when stopping is intended
                 warnings.simplefilter("ignore", UserWarning)
                 found.close()
-
-
-def _in_one_worker(jobs: Iterator[Any], options: dict[str, Any]) -> Generator:
-    """Results of joblib's `jobs` from one worker process; joblib would compute them in this one."""
-    # joblib's own, which it keeps for the next time.
-    executor = get_memmapping_executor(1, timeout=IDLE_S, **options)
-    waiting = deque(executor.submit(work, *args) for work, args, _ in islice(jobs, 2))
-
-    def found() -> Generator:
-        try:
-            while waiting:
-                yield waiting[0].result()
-                waiting.popleft()
-                waiting.extend(executor.submit(work, *args) for work, args, _ in islice(jobs, 1))
-        finally:
-            for future in waiting:
-                future.cancel()
-
-    return found()
 
 
 def _on_cluster() -> Any:
@@ -131,7 +148,7 @@ def _end_workers_at_exit() -> None:
 
     def end() -> None:
         _ending.set()
-        joblib.externals.loky.get_reusable_executor(reuse=True).shutdown(wait=False, kill_workers=True)
+        get_reusable_executor(reuse=True).shutdown(wait=False, kill_workers=True)
 
     register = getattr(threading, "_register_atexit", None)
     if register is not None:

@@ -112,6 +112,16 @@ def test_worker_processes_give_the_same_bytes(config, undisturbed, geometry_cach
     xr.testing.assert_identical(dataset, undisturbed[0])
 
 
+@pytest.mark.parametrize("nice", [0, 1])
+def test_giving_up_one_computation_leaves_another_alone(nice):
+    """They share the worker processes, unless these are to stand back differently."""
+    given_up = results(pow, [(2, i) for i in range(40)], "processes", 2)
+    other = results(pow, [(3, i) for i in range(40)], "processes", 2, nice)
+    found = [next(other), next(given_up) and next(other)]
+    given_up.close()
+    assert sorted([*found, *other]) == [3**i for i in range(40)]
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_this_process_only_hands_out_the_work(workers):
     pids = list(results(os.getpid, [()] * 9, "processes", workers))
