@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from typing import Any
@@ -10,6 +11,7 @@ import panel as pn
 from bokeh.server.views.ws import WSHandler
 from panel.viewable import Viewable
 
+from app.guard import repair_curdoc, say_fault
 from app.pages.registry import PAGES
 from app.services.services import Services
 from app.session.session import Session
@@ -23,8 +25,10 @@ MARK_S = 120
 
 def open_session(services: Services) -> Viewable:
     """Build the app for the browser session that is being served now."""
+    repair_curdoc()
     send_small_messages_at_once()
     pn.extension(
+        exception_handler=say_fault,
         notifications=True,
         reconnect=True,
         disconnect_notification="The connection to the server was lost; trying again …",
@@ -42,10 +46,11 @@ def open_session(services: Services) -> Viewable:
     pn.state.onload(news.start)
 
     def end(_: Any) -> None:
-        news.stop()
-        shell.close()
-        services.jobs.leave(session.visitor)
-        forget(notifications)
+        with contextlib.ExitStack() as stack:  # each of them, also when another one raises
+            stack.callback(forget, notifications)
+            stack.callback(services.jobs.leave, session.visitor)
+            stack.callback(shell.close)
+            stack.callback(news.stop)
 
     pn.state.on_session_destroyed(end)
     return shell.view

@@ -343,7 +343,10 @@ class FigureCard:
             "svg": lambda: image("svg"),
             "csv": lambda: table().to_csv(index=False, float_format="%.6g").encode(),
         }
-        files = [download(f"streamdash-{name}.{kind}", kind, make) for kind, make in self.files.items()]
+        self._downloads = [
+            download(f"streamdash-{name}.{kind}", kind, make, disabled=True)
+            for kind, make in self.files.items()
+        ]
         self._accordion = pmui.Accordion(
             ("Show the code", self._listing),
             title_variant="body2",
@@ -354,7 +357,7 @@ class FigureCard:
             css_classes=["sd-show-code"],
         )
         self._accordion.param.watch(lambda _: self._list(), "active")
-        kinds = pn.Row(*files, margin=0)
+        kinds = pn.Row(*self._downloads, margin=0)
         head = pn.FlexBox(heading, kinds, align_items="center", gap="4px 12px", sizing_mode=WIDE, margin=0)
         self.view = pn.Column(
             head,
@@ -368,9 +371,15 @@ class FigureCard:
             css_classes=["sd-card", f"sd-card-{name}"],
         )
 
-    def say(self, sentence: str) -> None:
-        """Set the sentence under the figure; also refreshes the code where it is open."""
+    def say(self, sentence: str, *, ready: bool = True) -> None:
+        """Set the sentence under the figure; also refreshes the code where it is open.
+
+        The downloads can be pressed while there is a sentence, unless ``ready`` says otherwise:
+        a figure that is not there yet has none.
+        """
         self._sentence.text = sentence
+        for file in self._downloads:
+            file.disabled = not (sentence and ready)
         self._list()
 
     def _list(self) -> None:
@@ -395,7 +404,7 @@ def document(title: str, markdown: str, name: str) -> Viewable:
     return folded(title, [text], name)
 
 
-def download(filename: str, kind: str, make: Callable[[], bytes]) -> pmui.FileDownload:
+def download(filename: str, kind: str, make: Callable[[], bytes], **params: Any) -> pmui.FileDownload:
     """A button that downloads what ``make()`` returns then; ``sd-download-<kind>`` is its class."""
     return pmui.FileDownload(
         callback=lambda: io.BytesIO(make()),
@@ -405,4 +414,5 @@ def download(filename: str, kind: str, make: Callable[[], bytes]) -> pmui.FileDo
         size="small",
         margin=0,
         css_classes=[f"sd-download-{kind}"],
+        **params,
     )

@@ -123,13 +123,13 @@ class StudyCard:
         """After the choices changed: show what is known for them already, or nothing."""
         self.watch.leave()
         self.result = None
+        self.card.say("")
         task = self.work.find(self.study.question()[0])
         if task is not None:
             self.watch.follow(task)
         elif self.figure.objects:
             self.figure.clear()
             self.controls.text.text = "The choices have changed: compute it again."
-            self.card.say("")
 
     def close(self) -> None:
         """Look no more."""

@@ -61,13 +61,15 @@ def launch(playwright: Playwright) -> Browser:
 
 
 @contextlib.contextmanager
-def started(cache: Path, *options: str) -> Iterator[tuple[str, subprocess.Popen]]:
+def started(
+    cache: Path, *options: str, script: Path = ROOT / "app" / "main.py"
+) -> Iterator[tuple[str, subprocess.Popen]]:
     """Serve the app from `cache` as a subprocess; gives its address and process, and ends it."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     address = f"http://localhost:{port}"
-    command = [sys.executable, "-m", "panel", "serve", str(ROOT / "app" / "main.py")]
+    command = [sys.executable, "-m", "panel", "serve", str(script)]
     process = subprocess.Popen(
         [*command, "--port", str(port), "--liveness", *options],
         env={**os.environ, "STREAMDASH_CACHE": str(cache)},
@@ -86,9 +88,9 @@ def started(cache: Path, *options: str) -> Iterator[tuple[str, subprocess.Popen]
 
 
 @contextlib.contextmanager
-def served(cache: Path, *options: str) -> Iterator[str]:
+def served(cache: Path, *options: str, **choices: Path) -> Iterator[str]:
     """The address alone of `started`."""
-    with started(cache, *options) as (address, _):
+    with started(cache, *options, **choices) as (address, _):
         yield address
 
 

@@ -267,6 +267,7 @@ class EvidencePage(Page):
     def _fail_table(self, sentence: str) -> None:
         self.live_chart = None
         self.chart[:] = [ui.error_state(sentence)]
+        self.table_card.say("")
 
     def _show_growth(self, curves: dict[int, Growth]) -> None:
         self.curves = curves
@@ -282,6 +283,7 @@ class EvidencePage(Page):
     def _fail_growth(self, sentence: str) -> None:
         self.live_growth = None
         self.growth_slot[:] = [ui.error_state(sentence)]
+        self.growth_card.say("")
 
     def _figure(self) -> Any:
         title = f"fiducial {class_labels(configs(self.session))[self.fiducial]}"

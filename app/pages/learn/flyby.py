@@ -90,7 +90,7 @@ class FlybyLesson:
             ):
                 set_range(live.figure.x_range, x)
                 set_range(live.figure.y_range, y)
-            self.film_card.say(WAITING)
+            self.film_card.say(WAITING, ready=False)
             scene = self.scene
             self.later.ask(lambda: self._make_film(scene))
         elif "noise" in changed:
@@ -202,7 +202,7 @@ class FlybyLesson:
         self.film_card.say(words.film_sentence(film, frame))
 
     def _fail(self, sentence: str) -> None:
-        self.film_card.say(sentence)
+        self.film_card.say(sentence, ready=False)
 
     def _ink(self) -> None:
         for live in (self.density_live, self.gap_live, self.seen_live):

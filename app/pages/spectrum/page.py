@@ -224,5 +224,6 @@ class SpectrumPage(Page):
 
     def _fail(self, sentence: str) -> None:
         self.live_b.clear()
+        self.bispectrum_card.say("")
         for slot in self.slots.values():
             slot[:] = [ui.error_state(sentence)]
