@@ -5,7 +5,7 @@ People's units are used here (kpc, Gyr, km/s, deg); the engine converts.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
@@ -42,7 +42,7 @@ class SkyProgenitor(Config):
 
     @field_validator("solar_motion_kms")
     @classmethod
-    def _check_motion(cls, value):
+    def _check_motion(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
         if any(abs(v) > 100 for v in value):
             raise ValueError("no component of the Sun's own motion exceeds 100 km/s")
         return value
@@ -142,7 +142,7 @@ class StreamModel(Config):
 
     @field_validator("progenitor")
     @classmethod
-    def _check_progenitor(cls, value):
+    def _check_progenitor(cls, value: Any) -> Any:
         if isinstance(value, SkyProgenitor):
             return value
         if not 0.1 <= value[0] <= 12.5:
@@ -152,7 +152,7 @@ class StreamModel(Config):
         return value
 
     @model_validator(mode="after")
-    def _check_times(self):
+    def _check_times(self) -> Self:
         times = self.times_gyr
         if times is None:
             return self

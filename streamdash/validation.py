@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -35,7 +35,7 @@ class Config(BaseModel):
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @classmethod
-    def parse(cls, data: Any):
+    def parse(cls, data: Any) -> Self:
         """Read a configuration from JSON text or a mapping.
 
         Raises

@@ -49,7 +49,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Knob:
+class ConvergenceTest:
     """One test of convergence.
 
     Attributes
@@ -76,7 +76,7 @@ class Knob:
         return self.settings[0].config.ensemble.perturbers.mass_range
 
 
-def knob(key: str, n_streams: int = N_STREAMS, seed: int = 0) -> Knob:
+def knob(key: str, n_streams: int = N_STREAMS, seed: int = 0) -> ConvergenceTest:
     """One of `KNOBS`, for ensembles of that many streams and that seed.
 
     Raises
@@ -106,14 +106,14 @@ def _full_sampling(n_streams: int, seed: int) -> EnsembleConfig:
     return _config(2 * n_streams, seed, n_times=64)
 
 
-def _phase(n_streams: int, seed: int) -> Knob:
+def _phase(n_streams: int, seed: int) -> ConvergenceTest:
     settings: list[Setting] = []
     for near in NEAR_GYR:
         first = len(settings)
         for phase, time in orbital_phases(StreamModel(), near).items():
             config = _config(n_streams, seed, stream=StreamModel(times_gyr=(time,)))
             settings.append(_setting(f"{time:g} Gyr, {phase}", config, first))
-    return Knob(
+    return ConvergenceTest(
         "phase",
         "Orbital phase of the impacts",
         "All impacts at one time, near 1 or near 3 Gyr ago: with the stream at its pericentre, at its "
@@ -123,14 +123,14 @@ def _phase(n_streams: int, seed: int) -> Knob:
     )
 
 
-def _times(n_streams: int, seed: int) -> Knob:
+def _times(n_streams: int, seed: int) -> ConvergenceTest:
     last = len(TIMES) - 1
     settings = [
         _setting(f"{n} time{'s' if n > 1 else ''}", _config(n_streams, seed, n_times=n), last)
         for n in TIMES[:-1]
     ]
     settings.append(_setting(f"{TIMES[-1]} times", _full_sampling(n_streams, seed), last))
-    return Knob(
+    return ConvergenceTest(
         "times",
         "Number of impact times",
         "The same impacts gathered at 1 to 64 moments of the 9 Gyr.",
@@ -141,8 +141,8 @@ def _times(n_streams: int, seed: int) -> Knob:
     )
 
 
-def _impact_parameter(mass: str, key: str, title: str, paper: str) -> Callable[[int, int], Knob]:
-    def make(n_streams: int, seed: int) -> Knob:
+def _impact_parameter(mass: str, key: str, title: str, paper: str) -> Callable[[int, int], ConvergenceTest]:
+    def make(n_streams: int, seed: int) -> ConvergenceTest:
         settings = tuple(
             _setting(
                 f"X = {x:g}",
@@ -152,12 +152,12 @@ def _impact_parameter(mass: str, key: str, title: str, paper: str) -> Callable[[
             for x in XS
         )
         question = "How far away subhalos may pass and still count: impact parameters up to X times r_s."
-        return Knob(key, title, question, paper, settings, ordered=True, claim=XS.index(3.0))
+        return ConvergenceTest(key, title, question, paper, settings, ordered=True, claim=XS.index(3.0))
 
     return make
 
 
-def _length(n_streams: int, seed: int) -> Knob:
+def _length(n_streams: int, seed: int) -> ConvergenceTest:
     settings = tuple(
         _setting(
             f"{factor:g} × length",
@@ -166,7 +166,7 @@ def _length(n_streams: int, seed: int) -> Knob:
         )
         for factor in LENGTHS
     )
-    return Knob(
+    return ConvergenceTest(
         "length",
         "How far along the stream impacts reach",
         "Impacts up to 0.75, 1 or 1.25 times the stream's length, as many per length in each.",
@@ -175,7 +175,7 @@ def _length(n_streams: int, seed: int) -> Knob:
     )
 
 
-def _profile(n_streams: int, seed: int) -> Knob:
+def _profile(n_streams: int, seed: int) -> ConvergenceTest:
     fiducial = Perturbers(mass_range=LOW)
     plummer = fiducial.model_copy(update={"profile": "plummer", "X": round(fiducial.X * 1.05 / 1.62, 4)})
     choices = {
@@ -187,7 +187,7 @@ def _profile(n_streams: int, seed: int) -> Knob:
         _setting(label, _config(n_streams, seed, perturbers=perturbers), reference)
         for label, perturbers in {**choices, "Plummer": plummer}.items()
     )
-    return Knob(
+    return ConvergenceTest(
         "profile",
         "Size and profile of the perturbers",
         "Scale radii 2.5 times smaller or larger, and Plummer spheres, all with the same largest impact "
@@ -197,7 +197,7 @@ def _profile(n_streams: int, seed: int) -> Knob:
     )
 
 
-def _frequencies(n_streams: int, seed: int) -> Knob:
+def _frequencies(n_streams: int, seed: int) -> ConvergenceTest:
     return _accuracy(
         "frequencies",
         "Engine: frequencies per angle",
@@ -210,7 +210,7 @@ def _frequencies(n_streams: int, seed: int) -> Knob:
     )
 
 
-def _kicks(n_streams: int, seed: int) -> Knob:
+def _kicks(n_streams: int, seed: int) -> ConvergenceTest:
     return _accuracy(
         "kicks",
         "Engine: spacing of kick points",
@@ -233,7 +233,7 @@ def _accuracy(
     seed: int,
     coarse: dict[str, float],
     finer: dict[str, float],
-) -> Knob:
+) -> ConvergenceTest:
     default = Accuracy()
     fine = default.model_copy(update={name: getattr(default, name) / by for name, by in finer.items()})
     name = next(iter(coarse))
@@ -249,10 +249,10 @@ def _accuracy(
             ("fine", fine),
         )
     )
-    return Knob(key, title, question, "", settings, ordered=True, claim=1)
+    return ConvergenceTest(key, title, question, "", settings, ordered=True, claim=1)
 
 
-def _streams(n_streams: int, seed: int) -> Knob:
+def _streams(n_streams: int, seed: int) -> ConvergenceTest:
     ensemble = _full_sampling(n_streams, seed)
     counts = [max(2, ensemble.n_streams // part) for part in (16, 8, 4, 2)]
     settings = [
@@ -260,7 +260,7 @@ def _streams(n_streams: int, seed: int) -> Knob:
         for count in counts
     ]
     settings.append(_setting(f"{ensemble.n_streams} streams", ensemble, len(counts)))
-    return Knob(
+    return ConvergenceTest(
         "streams",
         "Number of simulated streams",
         "Medians and bands from the first streams of the main analysis' ensemble, and from all.",
@@ -271,7 +271,7 @@ def _streams(n_streams: int, seed: int) -> Knob:
     )
 
 
-KNOBS: dict[str, Callable[[int, int], Knob]] = {
+KNOBS: dict[str, Callable[[int, int], ConvergenceTest]] = {
     "phase": _phase,
     "times": _times,
     "x": _impact_parameter(

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from streamdash.convergence.knobs import KNOBS, Knob, knob
+from streamdash.convergence.knobs import KNOBS, ConvergenceTest, knob
 from streamdash.convergence.spectra import stored_spectra
 from streamdash.convergence.theta_spectra import ThetaSpectra
 from streamdash.convergence.verdicts import (
     AGREES,
     SCATTER,
-    Verdict,
+    Outcome,
     judge,
     verdict_sentence,
 )
@@ -23,9 +23,9 @@ from streamdash.store.cache import Cache
 class Measured:
     """A knob with the spectra of its settings and the verdict on them."""
 
-    knob: Knob
+    knob: ConvergenceTest
     spectra: tuple[ThetaSpectra, ...]
-    verdict: Verdict
+    verdict: Outcome
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Cost:
 
 def measure(
     cache: Cache, keys: Sequence[str] = tuple(KNOBS), n_streams: int = 1000, seed: int = 0
-) -> tuple[list[Measured], list[Knob]]:
+) -> tuple[list[Measured], list[ConvergenceTest]]:
     """Verdicts on all knobs whose spectra are in the cache, and the knobs of which some are not."""
     found, lacking = [], []
     for key in keys:

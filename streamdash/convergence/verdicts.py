@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from streamdash.convergence.knobs import Knob
+from streamdash.convergence.knobs import ConvergenceTest
 from streamdash.convergence.theta_spectra import ThetaSpectra
 from streamdash.statistics.spectrum import KINDS
 
@@ -53,8 +53,8 @@ class Shift:
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """The verdict on one knob.
+class Outcome:
+    """The outcome of one test.
 
     Attributes
     ----------
@@ -87,12 +87,12 @@ def verdict_word(shift: float) -> str:
     return next(word for end, word in WORDS if abs(shift) <= end)
 
 
-def judge(knob: Knob, spectra: Sequence[ThetaSpectra]) -> Verdict:
+def judge(knob: ConvergenceTest, spectra: Sequence[ThetaSpectra]) -> Outcome:
     """Shifts and verdict of a knob.
 
     Parameters
     ----------
-    knob : Knob
+    knob : ConvergenceTest
     spectra : one per setting, in their order.
     """
     shifts = tuple(
@@ -105,7 +105,7 @@ def judge(knob: Knob, spectra: Sequence[ThetaSpectra]) -> Verdict:
     worst = max(claimed, key=lambda shift: abs(shift.largest))
     agree = [np.abs(shift_by_scale(spectra, s.setting, s.reference, s.kind)) <= AGREES for s in claimed]
     agreeing = _widest(spectra[0].scale, np.all(agree, axis=0))
-    return Verdict(shifts, worst, agreeing, _converged_from(knob, shifts) if knob.ordered else None)
+    return Outcome(shifts, worst, agreeing, _converged_from(knob, shifts) if knob.ordered else None)
 
 
 def shift_by_scale(spectra: Sequence[ThetaSpectra], setting: int, reference: int, kind: str) -> np.ndarray:
@@ -130,7 +130,7 @@ def _widest(scale: np.ndarray, holds: np.ndarray) -> tuple[float, float] | None:
     return max(runs, key=lambda run: run[1] / run[0], default=None)
 
 
-def _converged_from(knob: Knob, shifts: Sequence[Shift]) -> int | None:
+def _converged_from(knob: ConvergenceTest, shifts: Sequence[Shift]) -> int | None:
     last = len(knob.settings) - 1
     bad = [shift.setting for shift in shifts if abs(shift.largest) > AGREES]
     first = max(bad, default=-1) + 1
@@ -146,7 +146,7 @@ SPECTRUM_WORDS: Mapping[str, str] = {
 }
 
 
-def verdict_sentence(knob: Knob, verdict: Verdict) -> str:
+def verdict_sentence(knob: ConvergenceTest, verdict: Outcome) -> str:
     """The verdict on a knob in words and numbers."""
     worst = verdict.worst
     labels = [setting.label for setting in knob.settings]
@@ -169,7 +169,7 @@ def verdict_sentence(knob: Knob, verdict: Verdict) -> str:
     return f"{start}. At most, {largest}: {worst.word}.{agreement}"
 
 
-def agreement_sentence(verdict: Verdict) -> str:
+def agreement_sentence(verdict: Outcome) -> str:
     """At which scales the claimed settings agree, where they do not at all."""
     if verdict.worst.word == "agrees":
         return ""

@@ -37,7 +37,7 @@ def time_unit_gyr() -> float:
 
 
 @lru_cache(maxsize=4)
-def _galpy_arguments(stream: StreamModel) -> dict:
+def _galpy_arguments(stream: StreamModel) -> dict[str, Any]:
     """Keyword arguments that galpy's stream classes share, units natural."""
     from galpy.actionAngle import actionAngleIsochroneApprox
 
@@ -63,7 +63,7 @@ def galpy_potential(stream: StreamModel) -> Any:
     return potential.MWPotential2014
 
 
-def _progenitor_and_sun(stream: StreamModel) -> dict:
+def _progenitor_and_sun(stream: StreamModel) -> dict[str, Any]:
     """The progenitor as an orbit in natural units, and, where it was seen from it, the Sun."""
     from galpy.orbit import Orbit
 
@@ -104,7 +104,7 @@ def progenitor_radius(stream: StreamModel, times_gyr: np.ndarray) -> np.ndarray:
     return R0_KPC * np.asarray(orbit.r(times, use_physical=False))
 
 
-def galpy_stream(stream: StreamModel):
+def galpy_stream(stream: StreamModel) -> Any:
     """The smooth `galpy.df.streamdf` of `stream`."""
     from galpy.df import streamdf
 
@@ -115,7 +115,7 @@ def galpy_stream(stream: StreamModel):
     return smooth
 
 
-def galpy_gap(stream: StreamModel, time_gyr: float, **impact):
+def galpy_gap(stream: StreamModel, time_gyr: float, **impact: Any) -> Any:
     """The `galpy.df.streamgapdf` of `stream` with one impact at `time_gyr`.
 
     With no further arguments only its geometry is set up; `impact` takes galpy's
@@ -136,7 +136,7 @@ def galpy_gap(stream: StreamModel, time_gyr: float, **impact):
         )
 
 
-def smooth_stream(stream: StreamModel) -> dict:
+def smooth_stream(stream: StreamModel) -> dict[str, Any]:
     """The attributes of `streamdash.engine.geometry.Geometry` that no impact time enters, by name."""
     from galpy.util import coords
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -161,7 +162,7 @@ class Geometry:
         ValueError
             When a variable is missing or of the wrong shape, by name.
         """
-        values: dict = {}
+        values: dict[str, Any] = {}
         for name, dims in _DIMS.items():
             stored = _STORED.get(name, name)
             source = dataset.variables if dims else dataset.attrs

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import astuple, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -59,7 +60,7 @@ class Impacts:
     mass_msun: np.ndarray
     r_s_kpc: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in COLUMNS:
             object.__setattr__(self, name, np.atleast_1d(np.asarray(getattr(self, name), dtype=float)))
         lengths = {len(getattr(self, name)) for name in COLUMNS}
@@ -188,14 +189,14 @@ def _nearest_time(stream: StreamModel, time_gyr: np.ndarray) -> tuple[np.ndarray
     return index, distance[np.arange(len(index)), index]
 
 
-def _refuse(bad: np.ndarray, name: str, values, fix: str) -> None:
+def _refuse(bad: np.ndarray, name: str, values: Any, fix: str) -> None:
     if bad.any():
         row = int(np.argmax(bad))
         shown = str(values.iloc[row] if hasattr(values, "iloc") else values[row])[:40]
         raise ImpactsError(f"row {row + 1}, column {name}: {fix} (got {shown}).")
 
 
-def scale_radius(mass, perturbers: Perturbers):
+def scale_radius(mass: Any, perturbers: Perturbers) -> Any:
     """Scale radius r_s(M) in kpc: 1.05 kpc (Hernquist) or 1.62 kpc (Plummer) · (M/10⁸)^½.
 
     Examples
@@ -316,7 +317,7 @@ def sample_impacts(geometry: Geometry, perturbers: Perturbers, rng: np.random.Ge
     return Impacts(time, theta, b, vx, vy, vz, mass, r_s)
 
 
-def _arc_length_at(geometry: Geometry, theta) -> np.ndarray:
+def _arc_length_at(geometry: Geometry, theta: Any) -> np.ndarray:
     """Physical length from the progenitor to angle theta[k] at each time k, kpc."""
     grid = TABLE_STEP * np.arange(geometry.arc_lengths.shape[1])
     return np.array([np.interp(t, grid, arc) for t, arc in zip(theta, geometry.arc_lengths, strict=True)])

@@ -8,11 +8,11 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
-from streamdash.convergence.knobs import Knob, knob
+from streamdash.convergence.knobs import ConvergenceTest, knob
 from streamdash.convergence.spectra import stored_spectra
 from streamdash.convergence.text import Measured
 from streamdash.convergence.theta_spectra import ThetaSpectra
-from streamdash.convergence.verdicts import AGREES, SCATTER, Verdict, judge
+from streamdash.convergence.verdicts import AGREES, SCATTER, Outcome, judge
 from streamdash.naming import mass_text
 from streamdash.plots.elements import (
     GREY,
@@ -72,7 +72,7 @@ def convergence_figure(
     return hv.Layout(panels).cols(3).opts(sublabel_format="", tight=True, backend="matplotlib")
 
 
-def collect(cache: Cache, chosen: Knob) -> list[ThetaSpectra]:
+def collect(cache: Cache, chosen: ConvergenceTest) -> list[ThetaSpectra]:
     """Spectra of all settings of a knob from the cache.
 
     Raises
@@ -91,7 +91,11 @@ def collect(cache: Cache, chosen: Knob) -> list[ThetaSpectra]:
 
 
 def draw(
-    chosen: Knob, spectra: Sequence[ThetaSpectra], kind: str, backend: Backend, legend: bool = False
+    chosen: ConvergenceTest,
+    spectra: Sequence[ThetaSpectra],
+    kind: str,
+    backend: Backend,
+    legend: bool = False,
 ) -> hv.Overlay:
     """Medians of one kind of spectrum at all settings, and the bands of those compared with."""
     use(backend)
@@ -123,7 +127,7 @@ def y_range(spectra: Sequence[ThetaSpectra], kind: str) -> tuple[float, float]:
     return float(10.0 ** (top - DECADES)), float(10.0**top)
 
 
-def colour(chosen: Knob, index: int) -> str:
+def colour(chosen: ConvergenceTest, index: int) -> str:
     """Colour of a setting."""
     last = max(len(chosen.settings) - 1, 1)
     return SEQUENCE[round(index * (len(SEQUENCE) - 1) / last)]
@@ -149,7 +153,7 @@ def draw_verdicts(found: Sequence[Measured], backend: Backend) -> hv.Overlay:
 # ---------------------------------------------------------------- words and numbers
 
 
-def table(chosen: Knob, spectra: Sequence[ThetaSpectra]) -> pd.DataFrame:
+def table(chosen: ConvergenceTest, spectra: Sequence[ThetaSpectra]) -> pd.DataFrame:
     """The numbers of the figures: per setting, spectrum and scale the median, its error and the band."""
     parts = [
         pd.DataFrame(
@@ -172,7 +176,7 @@ def table(chosen: Knob, spectra: Sequence[ThetaSpectra]) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def shift_table(chosen: Knob, verdict: Verdict) -> pd.DataFrame:
+def shift_table(chosen: ConvergenceTest, verdict: Outcome) -> pd.DataFrame:
     """Largest shift of each setting and spectrum, in half bands of the setting compared with."""
     labels = [setting.label for setting in chosen.settings]
     return pd.DataFrame(
@@ -197,7 +201,7 @@ def all_shifts(found: Sequence[Measured]) -> pd.DataFrame:
     return pd.concat([shift_table(one.knob, one.verdict) for one in found], ignore_index=True)
 
 
-def sentence(chosen: Knob, spectra: Sequence[ThetaSpectra]) -> str:
+def sentence(chosen: ConvergenceTest, spectra: Sequence[ThetaSpectra]) -> str:
     """What the figures show now, in words."""
     impacts = [found.mean_impacts for found in spectra]
     streams = {setting.config.n_streams for setting in chosen.settings}
@@ -209,7 +213,7 @@ def sentence(chosen: Knob, spectra: Sequence[ThetaSpectra]) -> str:
     )
 
 
-def measured(cache: Cache, chosen: Knob) -> tuple[list[ThetaSpectra], Verdict]:
+def measured(cache: Cache, chosen: ConvergenceTest) -> tuple[list[ThetaSpectra], Outcome]:
     """Spectra of a knob from the cache, and the verdict on them; raises as `collect` does."""
     spectra = collect(cache, chosen)
     return spectra, judge(chosen, spectra)

@@ -156,7 +156,9 @@ def _log_ratio(numerator: np.ndarray, denominator: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _resampled_integrals(y, weights, offsets, y_bins):
+def _resampled_integrals(
+    y: np.ndarray, weights: np.ndarray, offsets: np.ndarray, y_bins: np.ndarray
+) -> np.ndarray:
     """∫ Π_i Π_j dy for each resampling: (n_resamples, n_y_bins, n_models, n_models, n_bin).
 
     y is (n_bin, all streams), weights (n_resamples, all streams): how often each stream was drawn.

@@ -60,7 +60,7 @@ class FeatureSet(Config):
 
     @field_validator("scales")
     @classmethod
-    def _check_scales(cls, value):
+    def _check_scales(cls, value: tuple[int, ...]) -> tuple[int, ...]:
         increasing = all(a < b for a, b in zip(value, value[1:], strict=False))
         if not increasing or any(w < 3 or w % 2 == 0 for w in value):
             raise ValueError("scales must be odd, at least 3 and increasing, for example (3, 7, 15)")

@@ -44,7 +44,14 @@ def overlap_integrals(
 
 
 @njit(cache=True, nogil=True)
-def _integrals(y, offsets, y_bins, self_pairs, trapezoid, from_zero):
+def _integrals(
+    y: np.ndarray,
+    offsets: np.ndarray,
+    y_bins: np.ndarray,
+    self_pairs: bool,
+    trapezoid: bool,
+    from_zero: bool,
+) -> np.ndarray:
     """Kernel of `overlap_integrals`: y (n_bin, all streams), sorted within each model's columns."""
     n_bin, n_all = y.shape
     n_models = len(offsets) - 1
@@ -94,7 +101,7 @@ def _integrals(y, offsets, y_bins, self_pairs, trapezoid, from_zero):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def overlap_sum(first, second, n, trapezoid):
+def overlap_sum(first: np.ndarray, second: np.ndarray, n: int, trapezoid: bool) -> float:
     """Σ first · second over n bins, with the end bins halved for the trapezoidal rule (numba)."""
     total = 0.0
     for k in range(n):
@@ -105,7 +112,7 @@ def overlap_sum(first, second, n, trapezoid):
 
 
 @njit(cache=True, nogil=True)
-def _total(heights, n, trapezoid):
+def _total(heights: np.ndarray, n: int, trapezoid: bool) -> float:
     """Σ heights, with the end bins halved for the trapezoidal rule."""
     total = 0.0
     for k in range(n):

@@ -245,7 +245,7 @@ def _finite(q: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _densities(q, low, high, n_bin):
+def _densities(q: np.ndarray, low: float, high: float, n_bin: int) -> np.ndarray:
     """Histogram of each row of q over [low, high], both ends included, as densities."""
     n_streams, n_longitudes = q.shape
     y = np.zeros((n_streams, n_bin))

@@ -6,7 +6,9 @@ All errors are bootstrap standard deviations over the test streams.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -39,7 +41,7 @@ class Scores:
         """Confusion matrix in percent of each true class (n_classes, n_classes)."""
         return 100 * self.counts / np.maximum(self.counts.sum(axis=1, keepdims=True), 1)
 
-    def table(self, labels) -> pd.DataFrame:
+    def table(self, labels: Sequence[str]) -> pd.DataFrame:
         """One row per class: precision, recall, F1, accuracy, AUC and their errors."""
         columns = {}
         for name in ("precision", "recall", "f1", "accuracy", "auc"):
@@ -47,7 +49,7 @@ class Scores:
             columns[f"{name}_error"] = self.errors[name]
         return pd.DataFrame(columns, index=pd.Index(labels, name="class"))
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """Plain numbers and lists, for a model card."""
         plain = {name: np.asarray(value).tolist() for name, value in self.values.items()}
         errors = {name: np.asarray(value).tolist() for name, value in self.errors.items()}

@@ -242,7 +242,18 @@ def _shades(n_streams: int) -> np.ndarray:
 
 
 @numba.njit(cache=True)
-def _count(values, draws, noise, low, high, n_fine, image_low, image_high, n_rows, levels):
+def _count(
+    values: np.ndarray,
+    draws: np.ndarray,
+    noise: np.ndarray,
+    low: float,
+    high: float,
+    n_fine: int,
+    image_low: float,
+    image_high: float,
+    n_rows: int,
+    levels: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
     """Image counts (n_bin, n_rows) and quantiles (n_level, n_bin) of values + noise · draws.
 
     Each bin's fine histogram fits the processor's first cache; quantiles are interpolated in it.

@@ -17,7 +17,7 @@ from app.services.services import Services
 from app.session.session import Session
 from app.shell import Shell
 from streamdash.config import EnsembleConfig, Perturbers, SpectraConfig
-from streamdash.convergence.knobs import KNOBS, Knob, Setting, knob
+from streamdash.convergence.knobs import KNOBS, ConvergenceTest, Setting, knob
 from streamdash.convergence.spectra import missing
 from streamdash.convergence.text import measure
 from streamdash.store.cache import Cache
@@ -82,7 +82,7 @@ def test_a_test_that_is_missing_says_so_and_is_simulated_on_request(shipped_cach
     """With a knob of the test's own, so that it takes seconds."""
     ensembles = [EnsembleConfig(perturbers=Perturbers(X=x), n_streams=4, n_theta=30) for x in (1.0, 2.0)]
     settings = tuple(Setting(f"X = {e.perturbers.X:g}", SpectraConfig(ensemble=e), 1) for e in ensembles)
-    tiny = Knob("x", "Tiny", "Does it matter?", "No.", settings, ordered=True)
+    tiny = ConvergenceTest("x", "Tiny", "Does it matter?", "No.", settings, ordered=True)
     monkeypatch.setitem(KNOBS, "x", lambda n_streams, seed: tiny)
     for kind in ("ensembles", "geometries"):
         for path in (shipped_cache / kind).glob("*-*"):

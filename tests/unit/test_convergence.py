@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from streamdash.config import ConfigError, EnsembleConfig, Perturbers, SpectraConfig, StreamModel
-from streamdash.convergence.knobs import KNOBS, N_STREAMS, Knob, Setting, knob, orbital_phases
+from streamdash.convergence.knobs import KNOBS, N_STREAMS, ConvergenceTest, Setting, knob, orbital_phases
 from streamdash.convergence.spectra import (
     WORKSHOP,
     compute_missing,
@@ -88,7 +88,7 @@ def test_a_part_of_an_ensemble_must_be_a_part():
 def test_shifts_are_in_half_bands_of_the_reference():
     spectra = [made_up([1.0, 1.0, 1.1], half=0.1), made_up([1.0, 0.9, 1.0], half=0.2)]
     settings = tuple(Setting(label, SMALL, 1) for label in ("a", "b"))
-    verdict = judge(Knob("k", "", "", "", settings), spectra)
+    verdict = judge(ConvergenceTest("k", "", "", "", settings), spectra)
     assert len(verdict.shifts) == 3
     assert verdict.worst.largest == pytest.approx(0.5)
     assert verdict.worst.scale in (27.0, 18.0)
@@ -109,7 +109,7 @@ def test_shifts_are_in_half_bands_of_the_reference():
 )
 def test_convergence_counts_from_where_on_nothing_shifts_any_more(medians, start, words):
     settings = tuple(Setting(label, SMALL, 3) for label in "abcd")
-    found = Knob("k", "", "", "It converges.", settings, ordered=True, claim=2)
+    found = ConvergenceTest("k", "", "", "It converges.", settings, ordered=True, claim=2)
     verdict = judge(found, [made_up([m, 1.0, 1.0]) for m in medians])
     assert verdict.converged_from == start
     assert verdict.worst.setting == 2

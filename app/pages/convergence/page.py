@@ -18,7 +18,7 @@ from app.session.session import Session
 from app.ui.study import TaskControls
 from app.work.tasks import Compute, Task, Watch
 from streamdash.classifier.data import Cancelled
-from streamdash.convergence.knobs import KNOBS, Knob, knob
+from streamdash.convergence.knobs import KNOBS, ConvergenceTest, knob
 from streamdash.convergence.spectra import compute_missing, missing
 from streamdash.convergence.text import Measured, cost, cost_sentence, measure
 from streamdash.convergence.verdicts import verdict_sentence
@@ -60,7 +60,7 @@ class ConvergencePage(Page):
         return ui.page_layout(self._controls(), self.card.view, self.all_card.view)
 
     @property
-    def knob(self) -> Knob:
+    def knob(self) -> ConvergenceTest:
         """The test that is chosen, with its settings."""
         return knob(self.session.knob, int(self.session.lab_streams), self.session.lab_seed)
 
@@ -204,7 +204,7 @@ class ConvergencePage(Page):
         return self.measured
 
 
-def _paper(chosen: Knob) -> str:
+def _paper(chosen: ConvergenceTest) -> str:
     return f"The paper: {chosen.paper}" if chosen.paper else "The paper has no such test."
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from app.pages.spectrum.statements import STYLE as TABLE_STYLE
 from app.ui.layout import reachable
-from streamdash.convergence.knobs import Knob
+from streamdash.convergence.knobs import ConvergenceTest
 from streamdash.convergence.text import Measured
 from streamdash.convergence.verdicts import Shift
 from streamdash.plots.convergence import colour
@@ -26,7 +26,7 @@ SIGNS = {"agrees": "✓", "within the scatter of streams": "≈", "differs": "�
 HEADS = {"density": "Density", "track": "Track", "cross": "Cross"}
 
 
-def verdicts_html(found: Sequence[Measured], lacking: Sequence[Knob]) -> str:
+def verdicts_html(found: Sequence[Measured], lacking: Sequence[ConvergenceTest]) -> str:
     """One row per test: the largest shift among what the paper calls converged, and the verdict."""
     rows = []
     for one in found:
