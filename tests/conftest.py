@@ -6,6 +6,7 @@ import hashlib
 import os
 import shutil
 import signal
+from collections.abc import Iterable
 from pathlib import Path
 
 import hypothesis
@@ -14,16 +15,13 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def _engine_digest() -> str:
-    """Digest of the library's sources.
+def _digest(texts: Iterable[bytes]) -> str:
+    return hashlib.sha256(b"".join(texts)).hexdigest()[:16]
 
-    numba's disk cache does not notice a change in a function that another module inlines, so
-    compiled code is kept apart for each state of the sources.
-    """
-    digest = hashlib.sha256()
-    for path in sorted((ROOT / "streamdash").rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+
+SOURCES = {path: path.read_bytes() for path in sorted((ROOT / "streamdash").rglob("*.py"))}
+COMPILED = [text for path, text in SOURCES.items() if path.parent.name == "engine" or b"from numba" in text]
+"""Of what is compiled, and of the constants in it."""
 
 
 # Run from a script's background, Ctrl-C is ignored and all that tests start would inherit it.
@@ -32,11 +30,28 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 # A machine that is busy with something else is not a failure.
 hypothesis.settings.register_profile("suite", deadline=None)
 hypothesis.settings.load_profile("suite")
-# Before anything imports numba; worker processes and servers started by tests inherit it.
-os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / ".pytest_cache" / "numba" / _engine_digest()))
+# Before anything imports numba; worker processes and servers started by tests inherit it. numba's disk
+# cache does not notice a change in a function that another module inlines, so compiled code is kept apart
+# for each state of what is compiled; edits elsewhere compile nothing anew.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / ".pytest_cache" / "numba" / _digest(COMPILED)))
 # A developer's own cache must not decide what a test sees, nor models of other sources.
 os.environ.pop("STREAMDASH_CACHE", None)
-os.environ["STREAMDASH_MODELS"] = str(ROOT / ".pytest_cache" / "models" / _engine_digest())
+os.environ["STREAMDASH_MODELS"] = str(ROOT / ".pytest_cache" / "models" / _digest(SOURCES.values()))
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """``--slow``: also the tests that are marked slow, as continuous integration does."""
+    parser.addoption("--slow", action="store_true", help="run the tests marked slow as well")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what is marked slow, unless it is asked for: by ``--slow``, ``-m`` or its own name."""
+    named = any("::" in argument for argument in config.args)
+    if config.getoption("--slow") or config.option.markexpr or named:
+        return
+    slow = [item for item in items if item.get_closest_marker("slow")]
+    config.hook.pytest_deselected(items=slow)
+    items[:] = [item for item in items if not item.get_closest_marker("slow")]
 
 
 @pytest.fixture(scope="session")

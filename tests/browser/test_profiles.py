@@ -244,10 +244,3 @@ def test_the_keyboard_reaches_every_control_and_focus_is_visible(tab):
     for control in ("Toggle theme", "Profiles", "Draw others", "PNG", "SVG", "CSV", "Show the code"):
         assert control in text, reached
     assert "range" in text or "Shot noise" in text
-
-
-def test_a_further_tab_is_drawn_in_seconds(tab):
-    tab(TWO)
-    page = tab(TWO).page
-    milliseconds = page.evaluate("() => performance.now()")
-    assert milliseconds < 10_000  # a bound for a busy machine; the benchmark prints the time itself

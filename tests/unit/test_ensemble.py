@@ -312,6 +312,7 @@ def start():
             process.communicate()
 
 
+@pytest.mark.slow
 def test_after_a_kill_the_same_command_gives_the_same_bytes(config, geometry_cache, tmp_path, toy, start):
     many = config.model_copy(update={"n_streams": 600})
     process = start(command(config, geometry_cache, 600))

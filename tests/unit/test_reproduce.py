@@ -100,6 +100,7 @@ def test_command_writes_everything(shipped_cache, tmp_path, capsys, results):
     assert json.loads((folder / "results.json").read_text(encoding="utf-8")) == rounded(results)
 
 
+@pytest.mark.slow
 def test_command_draws_the_figures_of_the_paper_and_its_appendices(shipped_cache, tmp_path, capsys):
     code, _, _ = run(capsys, "--cache", str(shipped_cache), "--no-classifier", "--figures", str(tmp_path))
     assert code == 0
