@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from typing import Any
 
 import panel as pn
@@ -72,8 +72,7 @@ class Later:
         """Start what has rested long enough; show what is there."""
         if self._future is None and self._wanted is not None:
             if time.monotonic() >= self._due:
-                threads = self.services.shared(("later",), lambda: ThreadPoolExecutor(1, "later"))
-                self._future = threads.submit(self._wanted)
+                self._future = self.services.later.submit(self._wanted)
         elif self._future is not None and self._future.done():
             future = self._future
             self.cancel()

@@ -13,7 +13,7 @@ import logging
 import sys
 import threading
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
 import numpy as np
@@ -61,6 +61,8 @@ class Services:
         Long computations with progress and cancel.
     laboratory : Work
         The same for simulations of convergence tests, which nothing else should wait for.
+    later : ThreadPoolExecutor
+        The one thread of `app.services.later`.
     jobs : Jobs
         Simulations in the background.
     watch : CacheWatch
@@ -77,6 +79,7 @@ class Services:
         self.cache = cache
         self.work = Work()
         self.laboratory = Work()
+        self.later = ThreadPoolExecutor(1, "later")
         self.jobs = Jobs(cache, limits)
         self.uploads = uploads or UploadLimit()
         self.watch = CacheWatch(cache)

@@ -27,19 +27,29 @@ class FileDrop(JSComponent):
         Called with the bytes of the file.
     refuse
         Called with a sentence when what arrived cannot be used.
+    limit
+        Largest file, in bytes. The browser is told; the server keeps its own number, which no message
+        from a browser changes.
     """
 
-    limit = param.Integer(MAX_BYTES, doc="largest file, in bytes")
+    limit = param.Integer(MAX_BYTES, doc="largest file in bytes, for the browser alone: a client can set it")
     too_large = param.String(doc="what the browser says about a larger one")
 
-    def __init__(self, receive: Callable[[bytes], Any], refuse: Callable[[str], Any], **params: Any) -> None:
-        super().__init__(**params)
-        self.too_large = too_large(self.limit)
+    def __init__(
+        self,
+        receive: Callable[[bytes], Any],
+        refuse: Callable[[str], Any],
+        *,
+        limit: int = MAX_BYTES,
+        **params: Any,
+    ) -> None:
+        super().__init__(limit=limit, too_large=too_large(limit), **params)
+        self._bytes = limit
         self._receive, self._refuse = receive, refuse
 
     def _handle_msg(self, data: Any) -> None:
         try:
-            content = decoded(data, self.limit)
+            content = decoded(data, self._bytes)
         except ValueError as error:
             self._refuse(str(error))
         else:

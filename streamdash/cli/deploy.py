@@ -135,6 +135,24 @@ def _faults(settings: Deployment, environment: Mapping[str, str]) -> Iterator[st
         )
 
 
+def warnings_of(settings: Deployment, environment: Mapping[str, str]) -> list[str]:
+    """What is allowed and should be known, one sentence each.
+
+    Parameters
+    ----------
+    settings : Deployment
+    environment : mapping
+        For Panel's own variables.
+    """
+    guarded = settings.password.get_secret_value() or environment.get("PANEL_OAUTH_PROVIDER")
+    if guarded or not settings.is_public:
+        return []
+    return [
+        f"Everyone who reaches port {settings.port} of this machine can use the dashboard and start "
+        "simulations: it listens beyond this machine and STREAMDASH_PASSWORD is not set."
+    ]
+
+
 def server_environment(settings: Deployment, environment: Mapping[str, str]) -> dict[str, str]:
     """`environment` with what Bokeh and Panel read their secrets from; sessions are always signed."""
     secret = (

@@ -12,7 +12,14 @@ import typer
 
 from streamdash import paths
 from streamdash.cli.common import CacheOption, InputError, make_cache
-from streamdash.cli.deploy import Deployment, check, server_arguments, server_environment, settings_table
+from streamdash.cli.deploy import (
+    Deployment,
+    check,
+    server_arguments,
+    server_environment,
+    settings_table,
+    warnings_of,
+)
 
 
 def serve_command(
@@ -50,6 +57,8 @@ def serve_command(
         for name, value, meaning in chain.from_iterable(map(settings_table, [chosen, *allowed])):
             print(f"{name:<32} {value:<20} {meaning}")
     check(chosen, os.environ)
+    for sentence in warnings_of(chosen, os.environ):
+        print(sentence, file=sys.stderr)
     if settings:
         return
     environment = server_environment(chosen, os.environ)

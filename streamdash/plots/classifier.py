@@ -9,15 +9,12 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
-from streamdash.classifier.model import BEST, ClassifierConfig, paper_scores
-from streamdash.classifier.train import Judged, train
-from streamdash.config import EnsembleConfig
+from streamdash.classifier.train import Judged
 from streamdash.naming import class_colour, label_text
 from streamdash.plots.elements import GREY, error_bars, framed, line, points
 from streamdash.plots.live import TOOLS, Backend, Columns, use
 from streamdash.plots.style import COORDINATE_LABELS, INK
 from streamdash.statistics.scores import calibration, roc
-from streamdash.store.cache import Cache
 from streamdash.survey.observed import ObservedStreams
 
 SELECTED = "selected"
@@ -25,36 +22,6 @@ _CORNERS = ("left", "bottom", "right", "top")
 METRICS = {"precision": "Precision", "recall": "Recall", "f1": "F₁", "accuracy": "Accuracy", "auc": "AUC"}
 SHOWN_STREAMS = 4
 """Streams of a cell that are drawn, the least certain first."""
-
-
-def confusion_figure(
-    cache: Cache,
-    ensembles: Sequence[str | EnsembleConfig],
-    noise: float = 0.1,
-    settings: ClassifierConfig = BEST,
-    backend: Backend = "matplotlib",
-) -> hv.Overlay:
-    """Confusion matrix on the test streams (paper fig. 6).
-
-    Parameters
-    ----------
-    cache
-        Where the ensembles and the stream's geometry are.
-    ensembles
-        Keys or configurations, lowest masses first.
-    noise
-        Shot noise σ_ε per 0.2° bin.
-    settings
-        The classifier.
-    backend
-        ``matplotlib`` for files, ``bokeh`` for the browser.
-    """
-    # Collect
-    streams = ObservedStreams.read(cache, ensembles)
-    # Compute
-    judged = train(streams, noise, settings)
-    # Plot
-    return draw_matrix(judged, backend)
 
 
 def class_names(labels: Sequence[str]) -> list[str]:
@@ -158,16 +125,6 @@ def matrix_sentence(judged: Judged) -> str:
         return f"{text} None is wrong."
     i, j = np.unravel_index(wrong.argmax(), wrong.shape)
     return f"{text} The most common mistake: {wrong[i, j]} of {names[i]} taken for {names[j]}."
-
-
-def scores_table(judged: Judged) -> pd.DataFrame:
-    """Scores per class with errors and, where it has them, the paper's."""
-    labels = judged.classifier.card.labels
-    table = judged.scores.table(labels).reset_index()
-    for name, values in (paper_scores(labels) or {}).items():
-        if isinstance(values, tuple):
-            table[f"{name}_paper"] = values
-    return table
 
 
 # ---------------------------------------------------------------- ROC and calibration

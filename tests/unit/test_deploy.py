@@ -22,7 +22,14 @@ import pytest
 from bokeh.client import pull_session
 
 from streamdash.cli.common import InputError
-from streamdash.cli.deploy import Deployment, check, server_arguments, server_environment, settings_table
+from streamdash.cli.deploy import (
+    Deployment,
+    check,
+    server_arguments,
+    server_environment,
+    settings_table,
+    warnings_of,
+)
 from streamdash.config import ConfigError
 from streamdash.observe.table import UploadLimit
 from streamdash.settings import PREFIX
@@ -137,6 +144,23 @@ def test_unsafe_combinations_are_refused_with_the_reason(variables, environment,
 )
 def test_safe_combinations_are_not(variables, environment):
     check(settings(**variables), environment)
+
+
+@pytest.mark.parametrize(
+    ("variables", "environment", "warned"),
+    [
+        ({}, {}, False),
+        ({"address": "127.0.0.1"}, {}, False),
+        ({"address": "0.0.0.0"}, {}, True),
+        ({"address": "streams.example.org", "port": "8123"}, {}, True),
+        ({"address": "0.0.0.0", "password": PASSWORD}, {}, False),
+        ({"address": "0.0.0.0"}, {"PANEL_OAUTH_PROVIDER": "github"}, False),
+    ],
+)
+def test_a_server_that_everyone_can_use_says_so(variables, environment, warned):
+    said = warnings_of(settings(**variables), environment)
+    assert bool(said) == warned
+    assert all("Everyone" in s and variables.get("port", "5006") in s for s in said)
 
 
 def test_sessions_are_signed_always():
