@@ -16,14 +16,13 @@ from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from functools import lru_cache
 from itertools import islice
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import joblib
 from joblib.externals.loky import get_reusable_executor
 from threadpoolctl import threadpool_limits
 
 T = TypeVar("T")
-Executor = Literal["inline", "processes", "dask"]
 
 BACKENDS = {"inline": "sequential", "processes": "loky"}
 PARENT_POLL_S = 1.0

@@ -14,8 +14,6 @@ import numpy as np
 import pandas as pd
 from sklearn import metrics
 
-PER_CLASS = ("accuracy", "precision", "recall", "f1", "auc")
-OVERALL = ("overall_accuracy", "log_loss", "ece")
 N_CONFIDENCE_BINS = 15
 
 
