@@ -4,7 +4,15 @@ from functools import cache
 
 import pytest
 
-from streamdash.engine.galpy_streams import galpy_gap
+from streamdash.config import StreamModel
+from streamdash.engine.galpy_streams import galpy_gap, galpy_stream
+from streamdash.engine.geometry import smooth_geometry
+
+
+@pytest.fixture(scope="session")
+def smooth_of_today():
+    """The default stream as galpy computes it here: our smooth geometry of it, and galpy's object."""
+    return smooth_geometry(StreamModel()), galpy_stream(StreamModel())
 
 
 @pytest.fixture(scope="session")

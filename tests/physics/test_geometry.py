@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from streamdash.config import StreamModel
-from streamdash.engine.galpy_streams import galpy_stream
-from streamdash.engine.geometry import Geometry, smooth_geometry
+from streamdash.engine.geometry import Geometry
 from streamdash.simulation.geometry import compute_geometry
 
 
@@ -27,10 +26,9 @@ def test_gd1_longitudes_of_the_track(geometry, theta, phi1):
     assert np.interp(theta, geometry.track_theta, geometry.track_longitude) == pytest.approx(phi1, abs=0.06)
 
 
-def test_smooth_density_frequency_and_length_are_galpys():
+def test_smooth_density_frequency_and_length_are_galpys(smooth_of_today):
     """Both sides from galpy run here, so that only our formulas can differ."""
-    stream = StreamModel()
-    geometry, smooth = smooth_geometry(stream), galpy_stream(stream)
+    geometry, smooth = smooth_of_today
     theta = np.linspace(0.01, 1.3, 40)
     assert geometry.smooth_density(theta) == pytest.approx([smooth.density_par(t) for t in theta], rel=1e-9)
     omega = [smooth.meanOmega(t, oned=True, use_physical=False) for t in theta]

@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
-from streamdash.config import Perturbers, StreamModel
-from streamdash.engine.galpy_streams import R0_KPC, V0_KMS, galpy_stream
-from streamdash.engine.geometry import smooth_geometry
+from streamdash.config import Perturbers
+from streamdash.engine.galpy_streams import R0_KPC, V0_KMS
 from streamdash.engine.impacts import (
     COLUMNS,
     Impacts,
@@ -32,9 +31,9 @@ def test_expected_numbers_of_the_default_stream(geometry, mass_range, number):
     assert found == pytest.approx(number, rel=6e-5)
 
 
-def test_rate_equals_galpys_encounters_summed_over_decades():
+def test_rate_equals_galpys_encounters_summed_over_decades(smooth_of_today):
     """Both sides from galpy run here, so that only our formula can differ."""
-    smooth, geometry = galpy_stream(StreamModel()), smooth_geometry(StreamModel())
+    geometry, smooth = smooth_of_today
     perturbers = Perturbers(mass_range=(2e3, 7e6), X=3, sigma_h=90, profile="plummer", rs_factor=2.5)
     total = sum(
         smooth.subhalo_encounters(

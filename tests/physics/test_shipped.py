@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from streamdash.config import StreamModel
-from streamdash.engine.geometry import Geometry, smooth_geometry
+from streamdash.engine.geometry import Geometry
 from streamdash.simulation.ensemble import compute_stream
 from streamdash.simulation.geometry import compute_geometry
 from streamdash.store.cache import Cache
@@ -81,8 +81,8 @@ def test_smooth_stream_of_another_processor_is_the_shipped_one(geometry, shipped
     assert stored.omega_smooth.values == pytest.approx(other.smooth_omega(stored.theta.values), rel=1e-4)
 
 
-def test_shipped_smooth_stream_is_galpys_of_today(geometry):
-    fresh = smooth_geometry(geometry.stream)
+def test_shipped_smooth_stream_is_galpys_of_today(geometry, smooth_of_today):
+    fresh, _ = smooth_of_today
     for name in SMOOTH:
         assert getattr(fresh, name) == pytest.approx(getattr(geometry, name), rel=1e-5), name
     for name in TRACK:
