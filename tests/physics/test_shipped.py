@@ -19,7 +19,7 @@ RANGES = ("1e3-1e5", "1e5-1e7", "1e5-1e9", "1e7-1e9")
 ELSEWHERE = 1e-6
 """How far, relative, galpy's numbers are from each other on two processors."""
 SMOOTH = ("mean_omega", "sigma_omega", "t_disrupt", "mean_radius", "width")
-TRACK = ("track_theta", "track_ell", "track_b", "track_dist", "track_phi1", "track_phi2")
+TRACK = ("track_theta", "track_ell", "track_b", "track_dist", "track_longitude", "track_latitude")
 NODES = ("node_theta", "node_xv", "node_jac")
 
 
