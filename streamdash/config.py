@@ -8,12 +8,12 @@ People's units are used here (kpc, Gyr, km/s, M☉); the engine converts.
 
 from __future__ import annotations
 
-import math
-import re
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import Any, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_serializer, model_validator
 
+from streamdash.population import Perturbers, Population, mass_label, parse_mass_range
 from streamdash.stream_model import (
     EquatorialProgenitor,
     GalacticProgenitor,
@@ -34,6 +34,7 @@ __all__ = [
     "LogarithmicHalo",
     "MWPotential2014",
     "Perturbers",
+    "Population",
     "SpectraConfig",
     "StreamModel",
     "mass_label",
@@ -46,50 +47,6 @@ ENGINE_VERSION = 1
 Results of different engines are never mixed in one entry of the cache, nor is one begun by another
 engine continued. The package's version, which changes for many other reasons, does not matter there.
 """
-MASS_MIN, MASS_MAX = 1.0, 1e12
-"""Lowest and highest subhalo mass accepted, in M☉."""
-DECADES_MAX = 8.0
-"""Widest mass range accepted, in decades."""
-
-
-class Perturbers(Config):
-    """The subhalos that hit the stream (paper §2; Bovy, Erkal & Sanders 2017 §2.3)."""
-
-    mass_range: tuple[Finite, Finite] = Field((1e5, 1e9), description="lowest and highest mass, M☉")
-    X: Finite = Field(5.0, ge=0.1, le=50, description="largest impact parameter in units of r_s")
-    rate_factor: Finite = Field(1.0, ge=0, le=100, description="number of subhalos relative to CDM")
-    slope: Finite = Field(-2.0, ge=-4, le=0, description="mass function dn/dM ∝ M^slope")
-    cutoff_mass: Finite | None = Field(
-        None, ge=1, le=1e12, description="mass function times exp(-cutoff_mass / M), M☉"
-    )
-    profile: Literal["hernquist", "plummer"] = "hernquist"
-    rs_factor: Finite = Field(1.0, ge=0.01, le=100, description="scale radius relative to the relation")
-    sigma_h: Finite = Field(120.0, ge=1, le=1000, description="velocity dispersion of subhalos, km/s")
-    length_factor: Finite = Field(
-        1.0, ge=0.1, le=1.4, description="impacts reach out to this times the stream's length"
-    )
-
-    @field_validator("mass_range", mode="before")
-    @classmethod
-    def _read_range(cls, value):
-        return parse_mass_range(value) if isinstance(value, str) else value
-
-    @field_validator("mass_range")
-    @classmethod
-    def _check_range(cls, value):
-        low, high = value
-        if not (MASS_MIN <= low <= MASS_MAX and MASS_MIN <= high <= MASS_MAX):
-            raise ValueError(f"masses must lie between {MASS_MIN:g} and {MASS_MAX:g} M☉")
-        if not low < high:
-            raise ValueError(f"the lower mass must come first and be smaller, as in {mass_label((1e5, 1e9))}")
-        if math.log10(high / low) > DECADES_MAX + 1e-9:
-            raise ValueError(f"the range may span at most {DECADES_MAX:g} decades")
-        return value
-
-    @property
-    def label(self) -> str:
-        """The mass range as text, for example ``1e3-1e5``."""
-        return mass_label(self.mass_range)
 
 
 class Accuracy(Config):
@@ -108,7 +65,9 @@ class Accuracy(Config):
 
 
 class EnsembleConfig(Config):
-    """Many streams: a stream model, its perturbers, and how they are computed.
+    """Many streams: a stream model, the population that hits it, and how they are computed.
+
+    ``perturbers=`` is short for a population of one component, and is how that is written and hashed.
 
     Angles that are not given are those of the named stream that `stream` is an arm of.
 
@@ -123,13 +82,33 @@ class EnsembleConfig(Config):
     """
 
     stream: StreamModel = StreamModel()
-    perturbers: Perturbers = Perturbers()
+    population: Population = Population()
     n_streams: int = Field(1000, ge=1, le=1_000_000)
     seed: int = Field(0, ge=0, le=2**63 - 1)
     theta_min: Finite = Field(0.03, gt=0, le=3, description="first parallel angle, rad")
     theta_max: Finite = Field(0.987, gt=0, le=3, description="last parallel angle, rad")
     n_theta: int = Field(400, ge=2, le=10_000, description="number of evenly spaced angles")
     accuracy: Accuracy = Accuracy()
+
+    def __init__(self, **values: Any) -> None:  # says to type checkers that `perturbers` is allowed
+        super().__init__(**values)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_perturbers(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or "perturbers" not in data:
+            return data
+        if "population" in data:
+            raise ConfigError("perturbers: leave it out where population is given.")
+        given = {name: value for name, value in data.items() if name != "perturbers"}
+        return given | {"population": _population_of_one(data["perturbers"])}
+
+    @model_serializer(mode="wrap")
+    def _write_perturbers(self, handler: Any) -> dict[str, Any]:
+        data = handler(self)
+        if "population" in data and len(self.population.components) == 1:
+            data["perturbers"] = data.pop("population").get("components", [{}])[0]
+        return data
 
     @model_validator(mode="before")
     @classmethod
@@ -147,6 +126,26 @@ class EnsembleConfig(Config):
         if not self.theta_min < self.theta_max:
             raise ValueError("theta_min must be smaller than theta_max")
         return self
+
+    @property
+    def perturbers(self) -> Perturbers:
+        """The component of a population of one.
+
+        Raises
+        ------
+        ConfigError
+            When there are several.
+        """
+        if len(self.population.components) > 1:
+            raise ConfigError(f"perturbers: this population has several components, {self.population.label}.")
+        return self.population.components[0]
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """As pydantic's; ``perturbers`` in `update` is short for a population of one component."""
+        update = dict(update or {})
+        if "perturbers" in update:
+            update["population"] = _population_of_one(update.pop("perturbers"))
+        return super().model_copy(update=update, deep=deep)
 
 
 class SpectraConfig(Config):
@@ -167,37 +166,10 @@ class SpectraConfig(Config):
         return self.first or self.ensemble.n_streams
 
 
-def mass_label(mass_range: tuple[float, float]) -> str:
-    """Write a mass range as text: ``(1e3, 1e5)`` becomes ``1e3-1e5``.
-
-    Examples
-    --------
-    >>> mass_label((1e3, 1e5))
-    '1e3-1e5'
-    """
-
-    def one(mass: float) -> str:
-        mantissa, exponent = f"{mass:.12e}".split("e")
-        return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"
-
-    return f"{one(mass_range[0])}-{one(mass_range[1])}"
-
-
-def parse_mass_range(text: str) -> tuple[float, float]:
-    """Read a mass range such as ``1e3-1e5`` (M☉).
-
-    Raises
-    ------
-    ValueError
-        When the text is not two positive numbers joined by a hyphen.
-
-    Examples
-    --------
-    >>> parse_mass_range("1e3-1e5")
-    (1000.0, 100000.0)
-    """
-    number = r"(\d+(?:\.\d*)?(?:[eE]\+?\d+)?)"
-    match = re.fullmatch(rf"\s*{number}\s*[-–]\s*{number}\s*", text)
-    if match is None:
-        raise ValueError(f"mass range {text[:40]!r} is not of the form 1e3-1e5 (two masses in M☉)")
-    return float(match[1]), float(match[2])
+def _population_of_one(value: Any) -> Population:
+    if not isinstance(value, (Perturbers, dict)):
+        raise ConfigError(f"perturbers: must be Perturbers or a mapping of their fields (got {value!r:.60}).")
+    try:
+        return Population(components=(value if isinstance(value, Perturbers) else Perturbers.parse(value),))
+    except ConfigError as error:
+        raise ConfigError(f"perturbers.{error}") from None

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from streamdash.config import Config, EnsembleConfig, mass_label, parse_mass_range
+from streamdash.config import Config, EnsembleConfig, Population, mass_label, parse_mass_range
 
 CLASS_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 """Okabe & Ito's colour-blind-safe blue, vermilion, green and purple: models M0, M1, M2, M3."""
@@ -20,6 +20,7 @@ MASS_UNIT = "M☉"
 PLAIN_UNIT = "Msun"
 SUPERSCRIPT = str.maketrans("0123456789.", "⁰¹²³⁴⁵⁶⁷⁸⁹·")
 MASS = re.compile(rf"(\d+(?:\.\d+)?)e(\d+)( {PLAIN_UNIT})?")
+RANGE = re.compile(r"(?<=e\d)-(?=\d)|(?<=e\d\d)-(?=\d)")
 
 
 def class_colour(index: int) -> str:
@@ -38,12 +39,20 @@ def mass_text(mass_range: tuple[float, float]) -> str:
     >>> mass_text((1e3, 1e5))
     '10³–10⁵ M☉'
     """
-    low, high = mass_label(mass_range).split("-")
-    return f"{_power(low)}–{_power(high)} {MASS_UNIT}"
+    return f"{_masses(mass_label(mass_range))} {MASS_UNIT}"
+
+
+def population_text(population: Population) -> str:
+    """The masses of a population for people, for example ``10³–10⁵ + 10⁵–10⁹ M☉``."""
+    return label_text(population.label)
+
+
+def _masses(label: str) -> str:
+    return _power(mass_label(parse_mass_range(label)))
 
 
 def _power(text: str) -> str:
-    return MASS.sub(_as_power, text)
+    return MASS.sub(_as_power, RANGE.sub("–", text))
 
 
 def _as_power(match: re.Match[str]) -> str:
@@ -60,7 +69,7 @@ def class_names(configs: Sequence[EnsembleConfig]) -> list[str]:
 
     Classes that differ in something are named differently; the same configuration twice is not.
     """
-    masses = [config.perturbers.label for config in configs]
+    masses = [config.population.label for config in configs]
     names = []
     for config, own in zip(configs, masses, strict=True):
         same = [other for other, label in zip(configs, masses, strict=True) if label == own]
@@ -81,10 +90,13 @@ def model_labels(configs: Sequence[EnsembleConfig]) -> list[str]:
 def label_text(name: str) -> str:
     """A name made by `class_names` as people read it; any other text as it is."""
     masses, comma, words = name.partition(", ")
+    many = re.fullmatch(r"(.+)-(\d+)components", masses)
     try:
-        return mass_text(parse_mass_range(masses)) + comma + _power(words)
+        ranges = [_masses(label) for label in (many[1] if many else masses).split("+")]
     except ValueError:
         return name
+    counted = f" ({many[2]} components)" if many else ""
+    return f"{' + '.join(ranges)} {MASS_UNIT}{counted}{comma}{_power(words)}"
 
 
 def differences(config: EnsembleConfig) -> list[str]:
@@ -92,7 +104,7 @@ def differences(config: EnsembleConfig) -> list[str]:
 
     Neither the number of streams nor the numerical accuracy: they do not change what is simulated.
     """
-    return [_power(words) for path, words in _words(config) if not path.startswith(UNSEEN)]
+    return [_power(words) for (path, _), words in _words(config) if not path.startswith(UNSEEN)]
 
 
 def _set_apart(config: EnsembleConfig, same: Sequence[EnsembleConfig]) -> list[str]:
@@ -100,26 +112,32 @@ def _set_apart(config: EnsembleConfig, same: Sequence[EnsembleConfig]) -> list[s
     if len(same) < 2:
         return []
     others = [dict(_leaves(other)) for other in same]
-    differing = {path for path, value in _leaves(config) if any(o.get(path) != value for o in others)}
-    return [words for path, words in _words(config) if path in differing]
+    differing = {leaf for leaf, value in _leaves(config) if any(o.get(leaf) != value for o in others)}
+    return [words for leaf, words in _words(config) if leaf in differing]
 
 
-def _words(config: EnsembleConfig) -> Iterator[tuple[str, str]]:
-    """Path and words of everything that is not as by default, masses aside."""
+def _words(config: EnsembleConfig) -> Iterator[tuple[tuple[str, int], str]]:
+    """Leaf and words of everything that is not as by default, masses aside."""
     plain = dict(_leaves(EnsembleConfig(stream=config.stream)))
-    for path, value in _leaves(config):
-        if path != "perturbers.mass_range" and value != plain.get(path):
+    components = config.population.components
+    for (path, number), value in _leaves(config):
+        if path != "perturbers.mass_range" and value != plain.get((path, 0)):
             say = WORDS.get(path)
-            yield path, say(value) if say else f"{path.rpartition('.')[2]} {_number(value)}"
+            words = say(value) if say else f"{path.rpartition('.')[2]} {_number(value)}"
+            several = len(components) > 1 and path.startswith("perturbers.")
+            yield (path, number), f"{words} in {components[number].label}" if several else words
 
 
-def _leaves(config: Config, above: str = "") -> Iterator[tuple[str, Any]]:
-    """Path and value of every field, those of configurations inside it one by one."""
+def _leaves(config: Config, above: str = "", number: int = 0) -> Iterator[tuple[tuple[str, int], Any]]:
+    """Path, number of the component, and value of every field, those of configurations inside one by one."""
     for name, value in config:
-        if isinstance(value, Config):
-            yield from _leaves(value, f"{above}{name}.")
+        if isinstance(value, Population):
+            for i, component in enumerate(value.components):
+                yield from _leaves(component, f"{above}perturbers.", i)
+        elif isinstance(value, Config):
+            yield from _leaves(value, f"{above}{name}.", number)
         else:
-            yield above + name, value
+            yield (above + name, number), value
 
 
 def _number(value: Any) -> str:
@@ -135,6 +153,7 @@ WORDS: Mapping[str, Callable[[Any], str]] = {
     "perturbers.rate_factor": lambda value: f"rate × {_number(value)}",
     "perturbers.slope": lambda value: f"slope {_number(value)}",
     "perturbers.cutoff_mass": lambda value: f"cutoff {_mass(value)}",
+    "perturbers.half_mode_mass": lambda value: f"warm, half-mode mass {_mass(value)}",
     "perturbers.profile": lambda value: f"{value.capitalize()} spheres",
     "perturbers.rs_factor": lambda value: f"r_s × {_number(value)}",
     "perturbers.sigma_h": lambda value: f"σ_h = {_number(value)} km/s",

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from streamdash.config import Config, EnsembleConfig, Perturbers, StreamModel, mass_label
-from streamdash.naming import mass_text
-from streamdash.streams import angles_of, stream_text
+from streamdash.config import EnsembleConfig, StreamModel
+from streamdash.naming import differences, population_text
+from streamdash.streams import stream_text
 
 CLASSES_MIN, CLASSES_MAX = 2, 4
 """Fewest and most mass ranges compared at once."""
@@ -95,7 +95,7 @@ def entry_label(entry: Any) -> str:
 def label_of(config: EnsembleConfig, title: str = "") -> str:
     """Name of a configuration for people; ``title`` comes first where somebody gave one."""
     words = [title] if title else []
-    return " · ".join([*words, mass_text(config.perturbers.mass_range), *_differences(config)])
+    return " · ".join([*words, population_text(config.population), *differences(config)])
 
 
 def _stream(entries: Sequence[Any]) -> Stream:
@@ -103,9 +103,9 @@ def _stream(entries: Sequence[Any]) -> Stream:
     model = ordered[0].config.stream
     choices: list[Choice] = []
     for entry in ordered:
-        plain = mass_label(entry.config.perturbers.mass_range)
+        plain = entry.config.population.label
         taken = any(choice.token == plain for choice in choices)
-        token = f"{plain}~{entry.key[:8]}" if taken or _differences(entry.config) else plain
+        token = f"{plain}~{entry.key[:8]}" if taken or differences(entry.config) else plain
         label = entry_label(entry)
         labels = {choice.label for choice in choices}
         if label in labels:
@@ -117,25 +117,5 @@ def _stream(entries: Sequence[Any]) -> Stream:
 
 
 def _order(entry: Any) -> tuple:
-    low, high = entry.config.perturbers.mass_range
-    return low, high, len(_differences(entry.config)), -entry.config.n_streams, entry.key
-
-
-def _differences(config: EnsembleConfig) -> list[str]:
-    """What sets an ensemble apart from the default of its stream and mass range.
-
-    Neither the number of streams nor the numerical accuracy: they do not change what is simulated.
-    """
-    perturbers = config.perturbers
-    plain = Perturbers(mass_range=perturbers.mass_range)
-    words = _changed(perturbers, plain)
-    same = config.model_copy(update={"seed": 0, **angles_of(config.stream)})
-    return words + _changed(config, same)
-
-
-def _changed(config: Config, reference: Config) -> list[str]:
-    return [
-        f"{name} {value if not isinstance(value, Config) else 'changed'}"
-        for name, value in config
-        if value != getattr(reference, name)
-    ]
+    low, high = entry.config.population.mass_range
+    return low, high, len(differences(entry.config)), -entry.config.n_streams, entry.key

@@ -120,9 +120,9 @@ def _find(cache: Cache, label: str) -> Any:
         wanted = mass_label(parse_mass_range(label))
     except ValueError:
         wanted = label
-    found = [e for e in complete if e.config.perturbers.label == wanted or e.key == label]
+    found = [e for e in complete if e.config.population.label == wanted or e.key == label]
     if not found:
-        known = ", ".join(sorted({e.config.perturbers.label for e in complete})) or "none at all"
+        known = ", ".join(sorted({e.config.population.label for e in complete})) or "none at all"
         raise InputError(
             f"--mass: no complete ensemble of {label[:40]!r} is in the cache; there are {known}."
         )

@@ -172,7 +172,7 @@ def _simulate(
                 executor,
                 workers,
                 cache,
-                progress=titled(f"Streams {config.perturbers.label}"),
+                progress=titled(f"Streams {config.population.label}"),
                 should_stop=asked.is_set,
                 geometry_progress=titled("Geometry of the stream"),
             )

@@ -31,7 +31,7 @@ def stream_command(
         Path,
         typer.Argument(
             metavar="IMPACTS.csv",
-            help="Columns time_gyr, theta, b_kpc, vx_kms, vy_kms, vz_kms, mass_msun, r_s_kpc.",
+            help="Columns time_gyr, theta, b_kpc, vx_kms, vy_kms, vz_kms, mass_msun, r_s_kpc (, profile).",
         ),
     ],
     output: Annotated[
@@ -39,7 +39,7 @@ def stream_command(
     ],
     profile: Annotated[
         Literal["hernquist", "plummer"] | None,
-        typer.Option("--profile", show_default="hernquist", help="Internal profile of the subhalos."),
+        typer.Option("--profile", show_default="hernquist", help="Profile of the subhalos if not a column."),
     ] = None,
     theta_min: Annotated[float | None, typer.Option(show_default="0.03", help="First angle, rad.")] = None,
     theta_max: Annotated[float | None, typer.Option(show_default="0.987", help="Last angle, rad.")] = None,
@@ -76,16 +76,17 @@ def compute_profile(impacts: Path, config: EnsembleConfig, cache: Cache) -> pd.D
     from streamdash.survey import sky
 
     with wrong_input():
+        profile = config.perturbers.profile
         # Wrong tables are refused before minutes are spent.
-        stream = stream_with_times(config.stream, Impacts.read_csv(impacts))
+        stream = stream_with_times(config.stream, Impacts.read_csv(impacts, profile=profile))
         if cache.open_geometry(stream) is None:
             cache.check_writable()
         with progress_bar() as titled:
             geometry = load_geometry(stream, cache, progress=titled("Geometry of the stream"))
-        table = Impacts.read_csv(impacts, geometry)
+        table = Impacts.read_csv(impacts, geometry, profile)
         theta = theta_grid(config)
         ell = sky.theta_to_ell(geometry, theta)
-        result = perturbed_stream(geometry, table, theta, config.perturbers.profile, config.accuracy)
+        result = perturbed_stream(geometry, table, theta, config.accuracy)
     return result.assign(ell=("theta", ell)).to_dataframe().reset_index()[list(COLUMNS)]
 
 

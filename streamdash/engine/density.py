@@ -25,7 +25,6 @@ def perturbed_stream(
     geometry: Geometry,
     impacts: Impacts,
     theta: np.ndarray,
-    profile: str = "hernquist",
     accuracy: Accuracy | None = None,
 ) -> xr.Dataset:
     """One stream today, after the given impacts.
@@ -36,8 +35,6 @@ def perturbed_stream(
     impacts : Impacts
     theta : (n,) array
         Parallel angles from the progenitor (rad), positive.
-    profile : {"hernquist", "plummer"}
-        Internal profile of the subhalos.
     accuracy : Accuracy, optional
 
     Returns
@@ -58,7 +55,7 @@ def perturbed_stream(
     if theta.ndim != 1 or not np.isfinite(theta).all() or (theta <= 0).any():
         raise ValueError("theta must be a one-dimensional array of positive angles in rad")
     check_impacts(impacts, geometry)
-    density, omega = stream_profile(geometry, impacts, theta, profile, accuracy)
+    density, omega = stream_profile(geometry, impacts, theta, accuracy)
     smooth, omega_smooth = geometry.smooth_density(theta), geometry.smooth_omega(theta)
     columns = {
         "density": density,
@@ -74,7 +71,6 @@ def stream_profile(
     geometry: Geometry,
     impacts: Impacts,
     theta: np.ndarray,
-    profile: str = "hernquist",
     accuracy: Accuracy | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Density and mean frequency at `theta`, unchecked: the inner call of ensembles.
@@ -84,7 +80,7 @@ def stream_profile(
     if not len(impacts):
         return geometry.smooth_density(theta), geometry.smooth_omega(theta)
     accuracy = accuracy or Accuracy()
-    kicks = kick_tables(geometry, impacts, profile, accuracy)
+    kicks = kick_tables(geometry, impacts, accuracy)
     return trace_back(geometry, kicks, theta, accuracy)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from pydantic import Field
 
-from streamdash.config import Accuracy, Config, Finite, Perturbers
+from streamdash.config import Accuracy, Config, Finite, Perturbers, Population
 from streamdash.engine.density import trace_back
 from streamdash.engine.galpy_streams import R0_KPC, V0_KMS, time_unit_gyr
 from streamdash.engine.geometry import LENGTH_THRESHOLD, TABLE_STEP, Geometry
@@ -98,17 +98,19 @@ def flyby_impacts(geometry: Geometry, flybys: Sequence[Flyby]) -> Impacts:
     return combine([_impact(geometry, flyby) for flyby in flybys])
 
 
-def random_impacts(geometry: Geometry, perturbers: Perturbers, count: int, seed: int) -> Impacts:
-    """The first `count` of the impacts drawn for one stream; fewer where fewer were drawn."""
-    drawn = sample_impacts(geometry, perturbers, np.random.default_rng(seed))
-    return Impacts(*(getattr(drawn, name)[:count] for name in COLUMNS))
+def random_impacts(geometry: Geometry, perturbers: Perturbers | Population, count: int, seed: int) -> Impacts:
+    """`count` of the impacts drawn for one stream, of whatever component; fewer where fewer were drawn."""
+    rng = np.random.default_rng(seed)
+    drawn = sample_impacts(geometry, perturbers, rng)
+    rows = np.arange(len(drawn))
+    if isinstance(perturbers, Population) and len(perturbers.components) > 1:
+        rows = rng.permutation(rows)  # they were drawn one component after the other
+    return Impacts(*(getattr(drawn, name)[rows[:count]] for name in COLUMNS))
 
 
 def combine(tables: Sequence[Impacts]) -> Impacts:
     """All impacts of several tables in one."""
-    if not tables:
-        return Impacts.none()
-    return Impacts(*(np.concatenate([getattr(table, name) for table in tables]) for name in COLUMNS))
+    return Impacts.joined(tables)
 
 
 def kick_along_stream(geometry: Geometry, flyby: Flyby) -> xr.Dataset:

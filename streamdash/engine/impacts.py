@@ -6,6 +6,7 @@ Sampling follows Bovy, Erkal & Sanders (2017) §2.3, in the order of the paper's
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
@@ -14,17 +15,20 @@ import numpy as np
 import pandas as pd
 from scipy import integrate
 
-from streamdash.config import Perturbers, StreamModel
+from streamdash.config import Perturbers, Population, StreamModel
 from streamdash.engine.galpy_streams import R0_KPC, V0_KMS
 from streamdash.engine.geometry import TABLE_STEP, Geometry
 
-COLUMNS = ("time_gyr", "theta", "b_kpc", "vx_kms", "vy_kms", "vz_kms", "mass_msun", "r_s_kpc")
+NUMBERS = ("time_gyr", "theta", "b_kpc", "vx_kms", "vy_kms", "vz_kms", "mass_msun", "r_s_kpc")
+COLUMNS = (*NUMBERS, "profile")
 SCALE_RADIUS_KPC = {"hernquist": 1.05, "plummer": 1.62}
 """Scale radius of a subhalo of 10⁸ M☉; it grows as M^½."""
 PIVOT_MASS = 10**6.5
 """Mass in M☉ where mass functions of any slope agree: Via Lactea II counts 0.3 subhalos
 per (8 kpc)³ in the decade around it."""
 PIVOT_COUNT = 0.3
+WDM_SCALE, WDM_POWER = 2.7, -0.99
+"""Warm dark matter's mass function, relative to cold dark matter's (Banik et al. 2021)."""
 MAX_IMPACTS = 200_000
 """Most impacts accepted from a file, so that a mistake cannot exhaust the memory."""
 TIME_TOLERANCE_GYR = 1e-3
@@ -49,6 +53,7 @@ class Impacts:
     vx_kms, vy_kms, vz_kms : velocity of the subhalo in the Galactocentric rectangular
         frame of galpy's track (km/s)
     mass_msun, r_s_kpc : mass (M☉) and scale radius (kpc)
+    profile : ``hernquist`` or ``plummer``; one word for all, or one each
     """
 
     time_gyr: np.ndarray
@@ -59,10 +64,13 @@ class Impacts:
     vz_kms: np.ndarray
     mass_msun: np.ndarray
     r_s_kpc: np.ndarray
+    profile: np.ndarray | str = "hernquist"
 
     def __post_init__(self) -> None:
-        for name in COLUMNS:
+        for name in NUMBERS:
             object.__setattr__(self, name, np.atleast_1d(np.asarray(getattr(self, name), dtype=float)))
+        profile = np.asarray(self.profile, dtype=str)
+        object.__setattr__(self, "profile", profile if profile.ndim else np.full(len(self), profile))
         lengths = {len(getattr(self, name)) for name in COLUMNS}
         if len(lengths) != 1:
             raise ImpactsError(f"the columns of a table of impacts differ in length: {sorted(lengths)}")
@@ -73,7 +81,13 @@ class Impacts:
     @classmethod
     def none(cls) -> Impacts:
         """No impacts at all."""
-        return cls(*(np.empty(0) for _ in COLUMNS))
+        return cls(*(np.empty(0) for _ in NUMBERS))
+
+    @classmethod
+    def joined(cls, tables: Iterable[Impacts]) -> Impacts:
+        """All impacts of several tables, one table after the other."""
+        tables = [cls.none(), *tables]
+        return cls(*(np.concatenate([getattr(table, name) for table in tables]) for name in COLUMNS))
 
     def to_frame(self) -> pd.DataFrame:
         """The impacts as a table with the columns `COLUMNS`."""
@@ -84,7 +98,9 @@ class Impacts:
         self.to_frame().to_csv(path, index=False)
 
     @classmethod
-    def read_csv(cls, path: Path | str, geometry: Geometry | None = None) -> Impacts:
+    def read_csv(
+        cls, path: Path | str, geometry: Geometry | None = None, profile: str = "hernquist"
+    ) -> Impacts:
         """Read a table written by `to_csv` or by hand.
 
         Parameters
@@ -92,6 +108,8 @@ class Impacts:
         path : path
         geometry : Geometry, optional
             When given, times and angles are checked against this stream.
+        profile : {"hernquist", "plummer"}
+            Of all impacts, where the table has no such column.
 
         Raises
         ------
@@ -105,15 +123,17 @@ class Impacts:
         except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
             raise ImpactsError(f"{path}: not a table of comma-separated text ({error})") from None
         frame.columns = frame.columns.astype(str).str.strip().str.lstrip("\ufeff")
-        missing = [name for name in COLUMNS if name not in frame.columns]
+        missing = [name for name in NUMBERS if name not in frame.columns]
         if missing:
             raise ImpactsError(
-                f"{path}: column {missing[0]!r} is missing; the header must name {', '.join(COLUMNS)}"
+                f"{path}: column {missing[0]!r} is missing; the header must name {', '.join(NUMBERS)}"
             )
         if len(frame) > MAX_IMPACTS:
             raise ImpactsError(f"{path}: more than {MAX_IMPACTS} rows")
-        values = {}
-        for name in COLUMNS:
+        values: dict[str, Any] = {
+            "profile": frame["profile"].to_numpy(str) if "profile" in frame.columns else profile
+        }
+        for name in NUMBERS:
             numbers = pd.to_numeric(frame[name], errors="coerce").to_numpy(float)
             _refuse(~np.isfinite(numbers), name, frame[name], "must be a finite number")
             values[name] = numbers
@@ -130,8 +150,10 @@ def check_impacts(impacts: Impacts, geometry: Geometry | None = None) -> None:
     ImpactsError
         Naming the row (counted from 1) and column of the first bad value.
     """
-    for name in COLUMNS:
+    for name in NUMBERS:
         _refuse(~np.isfinite(getattr(impacts, name)), name, getattr(impacts, name), "must be finite")
+    known = np.isin(impacts.profile, list(SCALE_RADIUS_KPC))
+    _refuse(~known, "profile", impacts.profile, f"must be {' or '.join(SCALE_RADIUS_KPC)}")
     _refuse(impacts.mass_msun <= 0, "mass_msun", impacts.mass_msun, "must be positive (M☉)")
     _refuse(impacts.r_s_kpc <= 0, "r_s_kpc", impacts.r_s_kpc, "must be positive (kpc)")
     speed = np.sqrt(impacts.vx_kms**2 + impacts.vy_kms**2 + impacts.vz_kms**2)
@@ -235,12 +257,12 @@ def subhalo_count(low: float, high: float, slope: float) -> float:
     return amplitude * (b ** (slope + 1) - a ** (slope + 1)) / (slope + 1)
 
 
-def expected_impacts(geometry: Geometry, perturbers: Perturbers) -> float:
-    """Mean number of impacts over the stream's life (paper §2, item 6).
+def expected_impacts(geometry: Geometry, perturbers: Perturbers | Population) -> float:
+    """Mean number of impacts over the stream's life (paper §2, item 6); of a population, of all components.
 
     galpy's ``streamdf.subhalo_encounters`` summed over decades of mass, each with the r_s
     of its middle; b_max = X r_s, never below half the stream's width. It scales with the
-    rate factor, the length factor, and the fraction that a cutoff mass leaves.
+    rate factor, the length factor, and the fraction that warm dark matter or a cutoff mass leaves.
 
     Examples
     --------
@@ -249,6 +271,8 @@ def expected_impacts(geometry: Geometry, perturbers: Perturbers) -> float:
     >>> round(expected_impacts(geometry, Perturbers(mass_range="1e3-1e5")))  # the paper: about 839
     839
     """
+    if isinstance(perturbers, Population):
+        return sum(expected_impacts(geometry, component) for component in perturbers.components)
     floor = 0.5 * geometry.width * geometry.mean_radius
     per_density_and_b = (
         np.sqrt(np.pi / 2)
@@ -261,13 +285,30 @@ def expected_impacts(geometry: Geometry, perturbers: Perturbers) -> float:
     for low, high in mass_decades(perturbers.mass_range):
         b_max = perturbers.X * scale_radius(np.sqrt(low * high), perturbers) / R0_KPC
         total += subhalo_count(low, high, perturbers.slope) * max(b_max, floor)
-    fraction = _cutoff_fraction(perturbers)
+    fraction = _suppressed_fraction(perturbers)
     return float(per_density_and_b * total * perturbers.rate_factor * perturbers.length_factor * fraction)
 
 
-def _cutoff_fraction(perturbers: Perturbers) -> float:
-    """Share of impacts that an exponential cutoff of the mass function leaves."""
-    if perturbers.cutoff_mass is None:
+def suppression(mass, perturbers: Perturbers):
+    """Share of subhalos of each mass (M☉) that a cutoff mass and warm dark matter leave of the power law.
+
+    exp(-cutoff_mass / M) · (1 + 2.7 half_mode_mass / M)^-0.99 (Banik et al. 2021).
+    """
+    left = np.ones_like(mass)
+    if perturbers.cutoff_mass is not None:
+        left = left * np.exp(-perturbers.cutoff_mass / mass)
+    if perturbers.half_mode_mass is not None:
+        left = left * (1.0 + WDM_SCALE * perturbers.half_mode_mass / mass) ** WDM_POWER
+    return left
+
+
+def _is_suppressed(perturbers: Perturbers) -> bool:
+    return perturbers.cutoff_mass is not None or perturbers.half_mode_mass is not None
+
+
+def _suppressed_fraction(perturbers: Perturbers) -> float:
+    """Share of impacts that `suppression` leaves."""
+    if not _is_suppressed(perturbers):
         return 1.0
     log_mass, weight = _mass_weights(perturbers)
     plain = np.exp((perturbers.slope + 1.5) * (log_mass - log_mass[0]))
@@ -275,33 +316,38 @@ def _cutoff_fraction(perturbers: Perturbers) -> float:
 
 
 def _mass_weights(perturbers: Perturbers) -> tuple[np.ndarray, np.ndarray]:
-    """p(ln M) ∝ M · M^slope · r_s(M) · exp(-M_cut/M) on a grid of ln M, unnormalised."""
+    """p(ln M) ∝ M · M^slope · r_s(M) · `suppression` on a grid of ln M, unnormalised."""
     low, high = perturbers.mass_range
     log_mass = np.linspace(math.log(low), math.log(high), 4097)
     weight = np.exp((perturbers.slope + 1.5) * (log_mass - log_mass[0]))
-    if perturbers.cutoff_mass is not None:
-        weight = weight * np.exp(-perturbers.cutoff_mass / np.exp(log_mass))
+    if _is_suppressed(perturbers):
+        weight = weight * suppression(np.exp(log_mass), perturbers)
     return log_mass, weight
 
 
-def sample_impacts(geometry: Geometry, perturbers: Perturbers, rng: np.random.Generator) -> Impacts:
+def sample_impacts(
+    geometry: Geometry, perturbers: Perturbers | Population, rng: np.random.Generator
+) -> Impacts:
     """Draw the impacts of one stream (paper eq. 1; BES17 §2.3).
 
     Number: Poisson. Time: one of the stream's, with probability ∝ its physical length
     then. Angle: uniform in physical length, out to ``length_factor`` times the length.
     Mass: p(M) ∝ M^slope r_s(M). Impact parameter: uniform in ±X r_s. Velocity: Gaussian
     along the stream and tangentially, minus Rayleigh radially, at a uniform azimuth.
+    Of a population, those of each component, one component after the other.
 
     Parameters
     ----------
     geometry : Geometry
-    perturbers : Perturbers
+    perturbers : Perturbers or Population
     rng : numpy.random.Generator
 
     Returns
     -------
     Impacts
     """
+    if isinstance(perturbers, Population):
+        return Impacts.joined(sample_impacts(geometry, component, rng) for component in perturbers.components)
     n = int(rng.poisson(expected_impacts(geometry, perturbers)))
     if n == 0:
         return Impacts.none()
@@ -314,7 +360,7 @@ def sample_impacts(geometry: Geometry, perturbers: Perturbers, rng: np.random.Ge
     velocity = _sample_velocities(geometry, k, theta, perturbers.sigma_h, rng)
     time = np.asarray(geometry.stream.impact_times_gyr)[k]
     vx, vy, vz = velocity.T
-    return Impacts(time, theta, b, vx, vy, vz, mass, r_s)
+    return Impacts(time, theta, b, vx, vy, vz, mass, r_s, perturbers.profile)
 
 
 def _arc_length_at(geometry: Geometry, theta: Any) -> np.ndarray:
@@ -338,7 +384,7 @@ def _sample_angles(geometry: Geometry, k: np.ndarray, factor: float, u: np.ndarr
 def _sample_masses(perturbers: Perturbers, u: np.ndarray) -> np.ndarray:
     low, high = perturbers.mass_range
     power = perturbers.slope + 1.5
-    if perturbers.cutoff_mass is None:
+    if not _is_suppressed(perturbers):
         if abs(power) < 1e-9:
             return low * (high / low) ** u
         return (low**power + (high**power - low**power) * u) ** (1 / power)
@@ -373,6 +419,7 @@ def _sample_velocities(
 
 __all__ = [
     "COLUMNS",
+    "NUMBERS",
     "Impacts",
     "ImpactsError",
     "check_impacts",
@@ -380,5 +427,6 @@ __all__ = [
     "sample_impacts",
     "scale_radius",
     "stream_with_times",
+    "suppression",
     "time_index",
 ]

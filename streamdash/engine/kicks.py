@@ -243,7 +243,6 @@ class KickTables:
 def kick_tables(
     geometry: Geometry,
     impacts: Impacts,
-    profile: str = "hernquist",
     accuracy: Accuracy | None = None,
 ) -> KickTables:
     """Add up the kicks of all impacts at each impact time.
@@ -253,7 +252,6 @@ def kick_tables(
     geometry : Geometry
     impacts : Impacts
         Times must be impact times of the stream.
-    profile : {"hernquist", "plummer"}
     accuracy : Accuracy, optional
 
     Returns
@@ -286,6 +284,7 @@ def kick_tables(
             impacts.r_s_kpc / R0_KPC,
             tangent,
             peak,
+            impacts.profile == "hernquist",
         ],
         axis=1,
     )[order]
@@ -305,7 +304,6 @@ def kick_tables(
             step[t],
             moments[: cells[t]],
             here,
-            profile == "hernquist",
             tolerance,
             table,
         )
@@ -343,12 +341,12 @@ def _table_steps(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _fill(table, end, knot, step, moments, impacts, hernquist, tolerance, out):
+def _fill(table, end, knot, step, moments, impacts, tolerance, out):
     row, nodes, kicks = np.empty(9), np.empty(2 * MAX_NODES), np.empty(2 * MAX_NODES)
     moments[:] = 0.0
     for i in range(len(impacts)):
         theta, b, w, gm, r_s = impacts[i, 0], impacts[i, 1], impacts[i, 2:5], impacts[i, 5], impacts[i, 6]
-        tangent, peak = impacts[i, 7], impacts[i, 8]
+        tangent, peak, hernquist = impacts[i, 7], impacts[i, 8], impacts[i, 9] > 0.0
         _add_impact(
             table, end, knot, step, moments, theta, b, w, gm, r_s, tangent, peak, hernquist, tolerance, row,
             nodes, kicks,

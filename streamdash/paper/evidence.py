@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from streamdash.config import Perturbers, StreamModel, parse_mass_range
+from streamdash.config import Perturbers, Population, StreamModel, parse_mass_range
 from streamdash.engine.geometry import Geometry
 from streamdash.engine.impacts import expected_impacts
 from streamdash.statistics.cumulative import N_RESAMPLES, cumulative_tables, paper_value
@@ -48,8 +48,8 @@ def find_entries(cache: Cache, labels: Sequence[str], stream: StreamModel | None
     complete = [e for e in cache.entries() if e.kind == "ensemble" and e.state == "complete"]
     found = []
     for label in labels:
-        wanted = Perturbers(mass_range=parse_mass_range(label))
-        fits = [e for e in complete if e.config.perturbers == wanted and e.config.stream == stream]
+        wanted = Population(components=(Perturbers(mass_range=parse_mass_range(label)),))
+        fits = [e for e in complete if e.config.population == wanted and e.config.stream == stream]
         if not fits:
             raise StoreError(
                 f"The cache has no complete ensemble of {label} M☉; "
@@ -175,7 +175,7 @@ def _ensemble_facts(sample: ObservedStreams, geometry: Geometry, place: int) -> 
         "label": sample.labels[place],
         "key": config.key,
         "n_streams": len(q),
-        "expected_impacts": float(expected_impacts(geometry, config.perturbers)),
+        "expected_impacts": float(expected_impacts(geometry, config.population)),
         "q_rho_quantiles": [float(low), float(middle), float(high)],
         "q_rho_extremes": [float(q.min()), float(q.max())],
         "width_without_noise": measured_width(q),

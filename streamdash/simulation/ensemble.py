@@ -1,7 +1,7 @@
 """Many simulated streams: one chunk function, run inline, in worker processes or on a cluster.
 
 Stream *i* has a random generator of its own, seeded by the ensemble's seed, the stream model, the
-perturbers and *i*: its impacts depend neither on the chunk it is computed in, nor on who computes
+population and *i*: its impacts depend neither on the chunk it is computed in, nor on who computes
 it, nor on how many streams are asked for. The chunks that exist in the cache are the progress; what
 is missing is computed, a part of a chunk at a time and in any order, and written by this process alone.
 """
@@ -175,7 +175,7 @@ def estimate(config: EnsembleConfig, geometry: Geometry) -> Estimate:
         count += 1
         compute_stream(geometry, config, count)
     elapsed = time.perf_counter() - start
-    return Estimate(expected_impacts(geometry, config.perturbers), elapsed / count)
+    return Estimate(expected_impacts(geometry, config.population), elapsed / count)
 
 
 def prepare_workers(cache: Cache, workers: int | None = None, nice: int = 0) -> None:
@@ -210,17 +210,15 @@ def background(geometry: Geometry, config: EnsembleConfig) -> xr.Dataset:
 
 def stream_rng(config: EnsembleConfig, i: int) -> np.random.Generator:
     """Random generator of stream `i`, the same whatever `n_streams`, angles and accuracy are."""
-    keys = config.stream.key + config.perturbers.key
+    keys = config.stream.key + config.population.key
     words = [int(keys[j : j + 8], 16) for j in range(0, len(keys), 8)]
     return np.random.default_rng(np.random.SeedSequence([config.seed, *words], spawn_key=(i,)))
 
 
 def compute_stream(geometry: Geometry, config: EnsembleConfig, i: int) -> tuple[np.ndarray, np.ndarray, int]:
     """Density, mean frequency (n_theta,) and number of impacts of stream `i`."""
-    impacts = sample_impacts(geometry, config.perturbers, stream_rng(config, i))
-    density, omega = stream_profile(
-        geometry, impacts, theta_grid(config), config.perturbers.profile, config.accuracy
-    )
+    impacts = sample_impacts(geometry, config.population, stream_rng(config, i))
+    density, omega = stream_profile(geometry, impacts, theta_grid(config), config.accuracy)
     return density, omega, len(impacts)
 
 

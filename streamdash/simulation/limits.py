@@ -63,7 +63,7 @@ def check_impacts(config: EnsembleConfig, geometry: Geometry, limits: Limits) ->
     ------
     Refused
     """
-    per_stream = expected_impacts(geometry, config.perturbers)
+    per_stream = expected_impacts(geometry, config.population)
     if per_stream * config.n_streams > limits.max_impacts:
         raise Refused(
             f"{config.n_streams} streams with {per_stream:.3g} impacts each are more than the "

@@ -41,7 +41,7 @@ def preview(config: EnsembleConfig, geometry: Geometry, n_streams: int) -> Previ
 
     They are the very streams that the ensemble will begin with.
     """
-    impacts = expected_impacts(geometry, config.perturbers)
+    impacts = expected_impacts(geometry, config.population)
     if impacts > IMPACTS_MAX:
         return Preview(impacts, float("nan"), None)
     compute_stream(geometry, config, 0)  # compiles what is not compiled yet
@@ -68,4 +68,4 @@ def expectation(config: EnsembleConfig) -> float:
     ValueError
         When galpy cannot build a stream from this model.
     """
-    return expected_impacts(smooth_geometry(config.stream), config.perturbers)
+    return expected_impacts(smooth_geometry(config.stream), config.population)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from streamdash.config import EnsembleConfig, Perturbers
+from streamdash.config import EnsembleConfig, Population
 from streamdash.engine.density import perturbed_stream
 from streamdash.engine.flyby import Film, Flyby, combine, film, flyby_impacts, random_impacts
 from streamdash.engine.galpy_streams import time_unit_gyr
@@ -27,7 +27,7 @@ class Scene:
         At least one.
     crowd : int
         Number of random fly-bys.
-    perturbers : Perturbers
+    population : Population
         What they are drawn from.
     seed : int
         Seed of the random fly-bys and of the shot noise.
@@ -35,7 +35,7 @@ class Scene:
 
     flybys: tuple[Flyby, ...]
     crowd: int = 0
-    perturbers: Perturbers = Perturbers()
+    population: Population = Population()
     seed: int = 0
 
     def impacts(self, geometry: Geometry) -> Impacts:
@@ -43,7 +43,7 @@ class Scene:
         chosen = flyby_impacts(geometry, self.flybys)
         if not self.crowd:
             return chosen
-        return combine([chosen, random_impacts(geometry, self.perturbers, self.crowd, self.seed)])
+        return combine([chosen, random_impacts(geometry, self.population, self.crowd, self.seed)])
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from streamdash.engine.impacts import time_index
 from streamdash.engine.impulse import gravity, velocity_kick
 
 
-def kick_grids(geometry, impacts, spacing, profile="hernquist"):
+def kick_grids(geometry, impacts, spacing):
     """δΩ∥ on an even grid of angles at each impact time that has any, newest first."""
     index = time_index(geometry, impacts)
     hit = np.unique(index)
@@ -37,7 +37,7 @@ def kick_grids(geometry, impacts, spacing, profile="hernquist"):
                 closest[3:6],
                 impacts.mass_msun[i] * gravity(),
                 impacts.r_s_kpc[i] / R0_KPC,
-                profile,
+                impacts.profile[i],
             )
             total += np.einsum("nc,nc->n", table[:, 6:], kick)
         grids.append(total)
@@ -74,9 +74,9 @@ def _march(theta, omega, dt, spacing, start, size, values, end, mean, sigma, t_d
     return density, weighted
 
 
-def march(geometry, impacts, theta, steps=200, spacing=2e-5, profile="hernquist", reach=None):
+def march(geometry, impacts, theta, steps=200, spacing=2e-5, reach=None):
     """Density and mean frequency with `steps` frequencies per dispersion."""
-    times, grids = kick_grids(geometry, impacts, spacing, profile)
+    times, grids = kick_grids(geometry, impacts, spacing)
     size = np.array([len(grid) for grid in grids])
     start = np.concatenate([[0], np.cumsum(size)[:-1]])
     largest = sum(np.abs(grid).max() for grid in grids)

@@ -39,7 +39,7 @@ def test_one_impact_equals_galpys_gap(geometry, gap_at, profile, case):
     k, theta, b, w, mass, r_s = case
     gap = hit_galpys(gap_at(k), case, profile)
     angles = np.linspace(0.05, 0.95, 25)
-    ours = perturbed_stream(geometry, one(geometry, k, theta, b, w, mass, r_s), angles, profile)
+    ours = perturbed_stream(geometry, one(geometry, k, theta, b, w, mass, r_s, profile), angles)
     smooth = ours.smooth.values
     exact = np.array([gap._density_par(a, approx=False) for a in angles]) / np.sqrt(2 * np.pi)
     # Its adaptive rule can step over a narrow strand of stars altogether, at one angle in

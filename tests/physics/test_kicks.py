@@ -53,9 +53,9 @@ def test_hernquist_factor_is_positive_and_falls(u):
     assert 0 < hernquist_factor(u * 1.01) < hernquist_factor(u)
 
 
-def one(geometry, k, theta, b, w, mass, r_s):
+def one(geometry, k, theta, b, w, mass, r_s, profile="hernquist"):
     time = geometry.stream.impact_times_gyr[k]
-    return Impacts(time, theta, b, w[0], w[1], w[2], mass, r_s)
+    return Impacts(time, theta, b, w[0], w[1], w[2], mass, r_s, profile)
 
 
 CASES = [
@@ -86,8 +86,7 @@ def test_frequency_kick_equals_galpys(geometry, gap_at, profile, case):
     gap = hit_galpys(gap_at(k), case, profile)
     tables = kick_tables(
         geometry,
-        one(geometry, k, theta, b, w, mass, r_s),
-        profile,
+        one(geometry, k, theta, b, w, mass, r_s, profile),
         Accuracy(kick_spacing=5e-5, kick_tolerance=1e-6),
     )
     angles = (np.arange(tables.size[0]) - PAD + 0.5) * tables.step[0]

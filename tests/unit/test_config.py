@@ -14,21 +14,20 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from streamdash.config import (
-    DECADES_MAX,
-    MASS_MAX,
-    MASS_MIN,
     Accuracy,
     Config,
     ConfigError,
     EnsembleConfig,
     LogarithmicHalo,
     Perturbers,
+    Population,
     StreamModel,
     mass_label,
     parse_mass_range,
 )
+from streamdash.population import DECADES_MAX, MASS_MAX, MASS_MIN
 
-CLASSES = [LogarithmicHalo, StreamModel, Perturbers, Accuracy, EnsembleConfig]
+CLASSES = [LogarithmicHalo, StreamModel, Perturbers, Population, Accuracy, EnsembleConfig]
 
 FULL = EnsembleConfig(
     stream=StreamModel(arm="trailing", times_gyr=(0.5, 2.25, 8.0), sigma_v_kms=0.3),
@@ -98,11 +97,13 @@ OTHER_VALUES = {
         "rate_factor": 0.5,
         "slope": -1.9,
         "cutoff_mass": 1e6,
+        "half_mode_mass": 1e7,
         "profile": "plummer",
         "rs_factor": 2.0,
         "sigma_h": 100.0,
         "length_factor": 1.2,
     },
+    Population: {"components": (Perturbers(), Perturbers(mass_range=(1e3, 1e5)))},
     Accuracy: {
         "frequency_step": 0.1,
         "frequency_tolerance": 0.2,
@@ -111,7 +112,7 @@ OTHER_VALUES = {
     },
     EnsembleConfig: {
         "stream": StreamModel(n_times=32),
-        "perturbers": Perturbers(X=3.0),
+        "population": Population(components=(Perturbers(X=3.0),)),
         "n_streams": 10,
         "seed": 1,
         "theta_min": 0.04,
@@ -185,6 +186,13 @@ def test_dispersion_is_fixed_by_the_age_unless_given():
         (EnsembleConfig, {"seed": -1}, "seed", "greater than or equal to 0"),
         (EnsembleConfig, {"theta_min": 0.9, "theta_max": 0.1}, "theta_min", "smaller than theta_max"),
         (EnsembleConfig, {"perturbers": {"mass_range": "1e9-1e5"}}, "perturbers.mass_range", "first"),
+        (EnsembleConfig, {"perturbers": 7}, "perturbers", "mapping"),
+        (EnsembleConfig, {"perturbers": {}, "population": {}}, "perturbers", "leave it out"),
+        (Perturbers, {"half_mode_mass": 0}, "half_mode_mass", "greater than or equal to 1"),
+        (Population, {"components": ()}, "components", "at least one"),
+        (Population, {"components": [{}] * 40}, "components", "at most 8 components, this one 40"),
+        (EnsembleConfig, {"population": {"components": []}}, "population.components", "at least one"),
+        (EnsembleConfig, {"population": {"components": [{"X": 0}]}}, "population.components.0.X", "0.1"),
         (EnsembleConfig, {"accuracy": {"frequency_step": 0}}, "accuracy.frequency_step", "0.005"),
     ],
 )

@@ -60,7 +60,7 @@ def test_streams_are_those_of_the_engine(config, undisturbed, geometry_cache):
     dataset, _ = undisturbed
     for i in (0, 49, 50, 129):
         impacts = sample_impacts(geometry, config.perturbers, stream_rng(config, i))
-        one = perturbed_stream(geometry, impacts, theta_grid(config), "hernquist", config.accuracy)
+        one = perturbed_stream(geometry, impacts, theta_grid(config), config.accuracy)
         assert dataset.n_impacts[i] == len(impacts)
         np.testing.assert_allclose(dataset.density[i], one.density, rtol=2.0**-13 + 1e-6)
         np.testing.assert_allclose(dataset.omega[i], one.omega, rtol=2.0**-15 + 1e-6)

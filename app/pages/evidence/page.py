@@ -81,7 +81,7 @@ class EvidencePage(Page):
     @property
     def is_paper(self) -> bool:
         """Whether the classes are the paper's two, so that its table can stand beside ours."""
-        return [c.perturbers.label for c in configs(self.session)] == PAPER_RANGES
+        return [c.population.label for c in configs(self.session)] == PAPER_RANGES
 
     def update(self, changed: frozenset[str]) -> None:
         if "theme" in changed and self.live_chart is not None:

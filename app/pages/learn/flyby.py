@@ -65,7 +65,7 @@ class FlybyLesson:
         """What is chosen now."""
         session = self.session
         choice = session.ensembles[min(session.crowd_of, len(session.ensembles) - 1)]
-        return Scene(tuple(session.chosen), session.crowd, choice.config.perturbers, session.crowd_seed)
+        return Scene(tuple(session.chosen), session.crowd, choice.config.population, session.crowd_seed)
 
     def view(self) -> Viewable:
         """Controls beside the cards, on a phone above them."""
@@ -135,14 +135,14 @@ class FlybyLesson:
         )
         crowd = ""
         if scene.crowd:
-            text = scene.perturbers.model_dump_json(exclude_defaults=True)
-            crowd = f"    crowd={scene.crowd},\n    perturbers=Perturbers.parse('{text}'),\n"
+            text = scene.population.model_dump_json(exclude_defaults=True)
+            crowd = f"    crowd={scene.crowd},\n    population=Population.parse('{text}'),\n"
         stream = ""
         if self.stream != StreamModel():
             stream = f", stream=StreamModel.parse('{self.stream.model_dump_json(exclude_defaults=True)}')"
         return (
             "from pathlib import Path\n\n"
-            "from streamdash.config import Perturbers, StreamModel\n"
+            "from streamdash.config import Population, StreamModel\n"
             "from streamdash.engine.flyby import Flyby\n"
             f"from streamdash.plots.flyby import {function}\n"
             "from streamdash.plots.live import export\n"
