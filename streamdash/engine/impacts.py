@@ -5,7 +5,6 @@ Sampling follows Bovy, Erkal & Sanders (2017) §2.3, in the order of the paper's
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import astuple, dataclass
 from pathlib import Path
@@ -13,22 +12,21 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import integrate
 
 from streamdash.config import Perturbers, Population, StreamModel
 from streamdash.engine.galpy_streams import R0_KPC, V0_KMS
 from streamdash.engine.geometry import TABLE_STEP, Geometry
+from streamdash.engine.mass_function import (
+    SCALE_RADIUS_KPC,
+    mass_decades,
+    sample_masses,
+    scale_radius,
+    subhalo_count,
+    suppressed_fraction,
+)
 
 NUMBERS = ("time_gyr", "theta", "b_kpc", "vx_kms", "vy_kms", "vz_kms", "mass_msun", "r_s_kpc")
 COLUMNS = (*NUMBERS, "profile")
-SCALE_RADIUS_KPC = {"hernquist": 1.05, "plummer": 1.62}
-"""Scale radius of a subhalo of 10⁸ M☉; it grows as M^½."""
-PIVOT_MASS = 10**6.5
-"""Mass in M☉ where mass functions of any slope agree: Via Lactea II counts 0.3 subhalos
-per (8 kpc)³ in the decade around it."""
-PIVOT_COUNT = 0.3
-WDM_SCALE, WDM_POWER = 2.7, -0.99
-"""Warm dark matter's mass function, relative to cold dark matter's (Banik et al. 2021)."""
 MAX_IMPACTS = 200_000
 """Most impacts accepted from a file, so that a mistake cannot exhaust the memory."""
 TIME_TOLERANCE_GYR = 1e-3
@@ -218,45 +216,6 @@ def _refuse(bad: np.ndarray, name: str, values: Any, fix: str) -> None:
         raise ImpactsError(f"row {row + 1}, column {name}: {fix} (got {shown}).")
 
 
-def scale_radius(mass: Any, perturbers: Perturbers) -> Any:
-    """Scale radius r_s(M) in kpc: 1.05 kpc (Hernquist) or 1.62 kpc (Plummer) · (M/10⁸)^½.
-
-    Examples
-    --------
-    >>> float(scale_radius(1e8, Perturbers()))
-    1.05
-    """
-    return SCALE_RADIUS_KPC[perturbers.profile] * perturbers.rs_factor * (mass / 1e8) ** 0.5
-
-
-def mass_decades(mass_range: tuple[float, float]) -> list[tuple[float, float]]:
-    """Cut a mass range into decades from its lower end; the last may be partial.
-
-    Examples
-    --------
-    >>> mass_decades((1e5, 5e6))
-    [(100000.0, 1000000.0), (1000000.0, 5000000.0)]
-    """
-    low, high = mass_range
-    edges = [low]
-    while edges[-1] * 10 < high * (1 - 1e-12):
-        edges.append(edges[-1] * 10)
-    return list(zip(edges, [*edges[1:], high], strict=True))
-
-
-def subhalo_count(low: float, high: float, slope: float) -> float:
-    """Subhalos per (8 kpc)³ with low < M < high (M☉).
-
-    For slope -2 this is 0.3 · 10^6.5 · (1/low - 1/high) / (√10 - 1/√10); other slopes
-    agree with it at `PIVOT_MASS`.
-    """
-    amplitude = PIVOT_COUNT / (10**0.5 - 10**-0.5)  # dn/d(M/pivot) at the pivot
-    a, b = low / PIVOT_MASS, high / PIVOT_MASS
-    if abs(slope + 1) < 1e-9:
-        return amplitude * np.log(b / a)
-    return amplitude * (b ** (slope + 1) - a ** (slope + 1)) / (slope + 1)
-
-
 def expected_impacts(geometry: Geometry, perturbers: Perturbers | Population) -> float:
     """Mean number of impacts over the stream's life (paper §2, item 6); of a population, of all components.
 
@@ -285,44 +244,8 @@ def expected_impacts(geometry: Geometry, perturbers: Perturbers | Population) ->
     for low, high in mass_decades(perturbers.mass_range):
         b_max = perturbers.X * scale_radius(np.sqrt(low * high), perturbers) / R0_KPC
         total += subhalo_count(low, high, perturbers.slope) * max(b_max, floor)
-    fraction = _suppressed_fraction(perturbers)
+    fraction = suppressed_fraction(perturbers)
     return float(per_density_and_b * total * perturbers.rate_factor * perturbers.length_factor * fraction)
-
-
-def suppression(mass, perturbers: Perturbers):
-    """Share of subhalos of each mass (M☉) that a cutoff mass and warm dark matter leave of the power law.
-
-    exp(-cutoff_mass / M) · (1 + 2.7 half_mode_mass / M)^-0.99 (Banik et al. 2021).
-    """
-    left = np.ones_like(mass)
-    if perturbers.cutoff_mass is not None:
-        left = left * np.exp(-perturbers.cutoff_mass / mass)
-    if perturbers.half_mode_mass is not None:
-        left = left * (1.0 + WDM_SCALE * perturbers.half_mode_mass / mass) ** WDM_POWER
-    return left
-
-
-def _is_suppressed(perturbers: Perturbers) -> bool:
-    return perturbers.cutoff_mass is not None or perturbers.half_mode_mass is not None
-
-
-def _suppressed_fraction(perturbers: Perturbers) -> float:
-    """Share of impacts that `suppression` leaves."""
-    if not _is_suppressed(perturbers):
-        return 1.0
-    log_mass, weight = _mass_weights(perturbers)
-    plain = np.exp((perturbers.slope + 1.5) * (log_mass - log_mass[0]))
-    return float(integrate.trapezoid(weight, log_mass) / integrate.trapezoid(plain, log_mass))
-
-
-def _mass_weights(perturbers: Perturbers) -> tuple[np.ndarray, np.ndarray]:
-    """p(ln M) ∝ M · M^slope · r_s(M) · `suppression` on a grid of ln M, unnormalised."""
-    low, high = perturbers.mass_range
-    log_mass = np.linspace(math.log(low), math.log(high), 4097)
-    weight = np.exp((perturbers.slope + 1.5) * (log_mass - log_mass[0]))
-    if _is_suppressed(perturbers):
-        weight = weight * suppression(np.exp(log_mass), perturbers)
-    return log_mass, weight
 
 
 def sample_impacts(
@@ -354,7 +277,7 @@ def sample_impacts(
     lengths = _arc_length_at(geometry, geometry.length_at(geometry.times))
     k = rng.choice(len(lengths), size=n, p=lengths / lengths.sum())
     theta = _sample_angles(geometry, k, perturbers.length_factor, rng.random(n))
-    mass = _sample_masses(perturbers, rng.random(n))
+    mass = sample_masses(perturbers, rng.random(n))
     r_s = scale_radius(mass, perturbers)
     b = perturbers.X * r_s * rng.uniform(-1.0, 1.0, n)
     velocity = _sample_velocities(geometry, k, theta, perturbers.sigma_h, rng)
@@ -379,18 +302,6 @@ def _sample_angles(geometry: Geometry, k: np.ndarray, factor: float, u: np.ndarr
         theta[here] = np.interp(u[here] * arc_end[time], geometry.arc_lengths[time], grid)
     # Never exactly at the progenitor, where no star has left yet.
     return np.maximum(theta, 1e-9)
-
-
-def _sample_masses(perturbers: Perturbers, u: np.ndarray) -> np.ndarray:
-    low, high = perturbers.mass_range
-    power = perturbers.slope + 1.5
-    if not _is_suppressed(perturbers):
-        if abs(power) < 1e-9:
-            return low * (high / low) ** u
-        return (low**power + (high**power - low**power) * u) ** (1 / power)
-    log_mass, weight = _mass_weights(perturbers)
-    cumulative = integrate.cumulative_trapezoid(weight, log_mass, initial=0.0)
-    return np.exp(np.interp(u * cumulative[-1], cumulative, log_mass))
 
 
 def _sample_velocities(
@@ -425,8 +336,6 @@ __all__ = [
     "check_impacts",
     "expected_impacts",
     "sample_impacts",
-    "scale_radius",
     "stream_with_times",
-    "suppression",
     "time_index",
 ]

@@ -14,13 +14,11 @@ from streamdash.engine.impacts import (
     ImpactsError,
     check_impacts,
     expected_impacts,
-    mass_decades,
     sample_impacts,
-    scale_radius,
     stream_with_times,
-    subhalo_count,
     time_index,
 )
+from streamdash.engine.mass_function import mass_decades, scale_radius, subhalo_count
 
 EXPECTED = {"1e3-1e5": 838.78, "1e5-1e9": 62.683, "1e5-1e7": 56.985, "1e7-1e9": 5.6985}
 

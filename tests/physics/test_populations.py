@@ -16,12 +16,9 @@ from streamdash.engine.impacts import (
     Impacts,
     ImpactsError,
     expected_impacts,
-    mass_decades,
     sample_impacts,
-    scale_radius,
-    subhalo_count,
-    suppression,
 )
+from streamdash.engine.mass_function import mass_decades, scale_radius, subhalo_count, suppression
 from tests.physics.reference import march
 
 LOW = Perturbers(mass_range="1e3-1e5", profile="plummer")

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_origin
 
-from streamdash.config import Config, ConfigError, EnsembleConfig, mass_label
+from streamdash.config import Config, ConfigError, EnsembleConfig, Perturbers, mass_label
 from streamdash.simulation.limits import Limits
 
 _DEFAULT = EnsembleConfig()
@@ -66,6 +66,9 @@ class Knob:
         *parents, last = self.path.split(".")
         model: type[Config] = EnsembleConfig
         for parent in parents:
+            if parent == "perturbers":  # short for the population's one component
+                model = Perturbers
+                continue
             found: Any = model.model_fields[parent].annotation
             model = found if isinstance(found, type) else get_args(get_args(found)[0])[0]
         return model.model_fields[last]
@@ -120,7 +123,15 @@ KNOBS = tuple(
             "perturbers.cutoff_mass",
             "Cutoff mass",
             "M☉",
-            "Warm dark matter: fewer below, by exp(−cutoff / M). Empty: none.",
+            "Fewer below, by exp(−cutoff / M). Empty: none.",
+            SUBHALOS,
+        ),
+        (
+            "sim_hm",
+            "perturbers.half_mode_mass",
+            "Half-mode mass",
+            "M☉",
+            "Warm dark matter as published: fewer by (1 + 2.7 M_hm / M)^−0.99. Empty: cold.",
             SUBHALOS,
         ),
         (
