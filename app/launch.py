@@ -4,6 +4,7 @@ The password comes as an environment variable: a command line can be read by eve
 machine, and Panel's own variable for it, ``PANEL_BASIC_AUTH``, is turned to lower case (1.9.4).
 """
 
+import argparse
 import os
 import sys
 from pathlib import Path
@@ -12,11 +13,14 @@ APP = Path(__file__).resolve().parent
 sys.path[0] = str(APP.parent)  # not app/ itself, whose modules would hide others of the same names
 
 import panel as pn  # noqa: E402
-from panel.command import main  # noqa: E402
+
+from app.doors import Serve  # noqa: E402
 
 if __name__ == "__main__":
     password = os.environ.pop("STREAMDASH_PASSWORD", "")
     if password:
         pn.config.basic_auth = password  # type: ignore[misc]
-    sys.argv[:1] = ["panel", "serve", str(APP / "main.py")]
-    main()
+    parser = argparse.ArgumentParser(prog="streamdash serve")
+    command = Serve(parser=parser)
+    command.embedded_in = os.environ.get("STREAMDASH_EMBEDDED_IN", "").replace(",", " ").split()
+    command.invoke(parser.parse_args([str(APP / "main.py"), *sys.argv[1:]]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 import ipaddress
+import re
 import secrets
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -35,6 +36,11 @@ class Deployment(Settings):
     )
     tls_certificate: Path | None = Field(None, description="certificate file (PEM) to serve https with")
     tls_key: Path | None = Field(None, description="its private key file (PEM)")
+    embedded_in: tuple[str, ...] = Field(
+        (),
+        description="websites that may show the dashboard in a frame, https://HOST, several with commas "
+        "between",
+    )
     secret: SecretStr = Field(
         SecretStr(""),
         description=f"signs sessions and cookies, {SECRET_LENGTH} characters or more; a new one at every "
@@ -44,7 +50,7 @@ class Deployment(Settings):
         SecretStr(""), description=f"one password for all visitors, {PASSWORD_LENGTH} characters or more"
     )
 
-    @field_validator("origins", mode="before")
+    @field_validator("origins", "embedded_in", mode="before")
     @classmethod
     def _split(cls, value):
         if not isinstance(value, str):
@@ -57,6 +63,14 @@ class Deployment(Settings):
         for origin in value:
             if "/" in origin or " " in origin:
                 raise ValueError(f"{origin} must be HOST or HOST:PORT, without https:// and path")
+        return value
+
+    @field_validator("embedded_in")
+    @classmethod
+    def _websites(cls, value):
+        for site in value:
+            if not re.fullmatch(r"https?://[A-Za-z0-9.*-]+(:\d{1,5})?", site):
+                raise ValueError(f"{site} must be a website, as https://course.example.org")
         return value
 
     @field_validator("prefix")
@@ -165,6 +179,7 @@ def server_environment(settings: Deployment, environment: Mapping[str, str]) -> 
         "BOKEH_SIGN_SESSIONS": "yes",
         "BOKEH_SECRET_KEY": secret,
         "PANEL_COOKIE_SECRET": environment.get("PANEL_COOKIE_SECRET") or cookies,
+        Deployment.variable("embedded_in"): ",".join(settings.embedded_in),
         **({Deployment.variable("password"): password} if password else {}),
     }
 

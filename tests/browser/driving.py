@@ -61,15 +61,17 @@ def launch(playwright: Playwright) -> Browser:
 
 
 @contextlib.contextmanager
-def started(
-    cache: Path, *options: str, script: Path = ROOT / "app" / "main.py"
-) -> Iterator[tuple[str, subprocess.Popen]]:
-    """Serve the app from `cache` as a subprocess; gives its address and process, and ends it."""
+def started(cache: Path, *options: str, script: Path | None = None) -> Iterator[tuple[str, subprocess.Popen]]:
+    """Serve the app from `cache` as a subprocess; gives its address and process, and ends it.
+
+    As `streamdash serve` does, with its headers; or another script, as ``panel serve`` does.
+    """
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     address = f"http://localhost:{port}"
-    command = [sys.executable, "-m", "panel", "serve", str(script)]
+    panel = ["-m", "panel", "serve", str(script)]
+    command = [sys.executable, *(panel if script else [str(ROOT / "app" / "launch.py")])]
     process = subprocess.Popen(
         [*command, "--port", str(port), "--liveness", *options],
         env={**os.environ, "STREAMDASH_CACHE": str(cache)},

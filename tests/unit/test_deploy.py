@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import http.client
 import http.cookiejar
 import os
 import re
@@ -15,6 +16,7 @@ import urllib.error
 import urllib.parse
 import urllib.request
 from collections.abc import Iterator
+from email.message import Message
 from itertools import chain
 from pathlib import Path
 
@@ -248,6 +250,50 @@ def test_a_password_keeps_others_out():
         assert visit(address, "") == "/login"
         with pytest.raises(OSError, match="403"):
             pull_session(url=f"{address}/main")
+
+
+def answers(address: str, path: str = "/main", data: bytes | None = None) -> tuple[int, Message]:
+    """Status and headers of an answer, redirects not followed."""
+    parts = urllib.parse.urlsplit(address)
+    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=120)
+    form = {"Content-Type": "application/x-www-form-urlencoded"}
+    connection.request("POST" if data else "GET", path, data, form if data else {})
+    answer = connection.getresponse()
+    answer.read()
+    connection.close()
+    return answer.status, answer.headers
+
+
+def test_guessing_passwords_is_slowed_down_and_cookies_stay_at_home():
+    def guess(password: str) -> tuple[int, Message]:
+        form = urllib.parse.urlencode({"username": "anyone", "password": password}).encode()
+        return answers(address, "/login", form)
+
+    with running(STREAMDASH_PASSWORD=PASSWORD) as address:
+        status, found = guess(PASSWORD)
+        assert status == 302
+        cookies = [c for c in found.get_all("Set-Cookie") if not c.split("=", 1)[1].startswith('"";')]
+        assert {cookie.split("=")[0] for cookie in cookies} == {"user", "id_token"}
+        assert all("SameSite=Lax" in cookie and "HttpOnly" in cookie for cookie in cookies)
+        statuses = [guess(f"wrong {i}")[0] for i in range(200)]
+        assert statuses[:5] == [302] * 5
+        assert statuses.count(429) >= 185  # how many get through depends on how long 200 take
+        status, found = guess(PASSWORD)  # not even the right one, until the lock has ended
+        assert status == 429
+        assert int(found["Retry-After"]) >= 1
+
+
+def test_every_answer_has_its_headers_and_no_version():
+    with running(STREAMDASH_EMBEDDED_IN="https://course.example.org") as address:
+        for path in ("/main", "/liveness", "/static/js/bokeh.min.js", "/nothing/here"):
+            _, found = answers(address, path)
+            assert found["X-Content-Type-Options"] == "nosniff", path
+            assert found["Referrer-Policy"] == "same-origin"
+            assert "Server" not in found
+            policy = dict(part.split(" ", 1) for part in found["Content-Security-Policy"].split("; "))
+            assert policy["frame-ancestors"] == "'self' https://course.example.org"
+            assert policy["default-src"] == "'self'"
+            assert "http" not in policy["script-src"] + policy["connect-src"]
 
 
 def test_sessions_of_ones_own_making_are_refused():
