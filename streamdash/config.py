@@ -29,6 +29,7 @@ __all__ = [
     "Config",
     "ConfigError",
     "EnsembleConfig",
+    "Finite",
     "EquatorialProgenitor",
     "GalacticProgenitor",
     "LogarithmicHalo",
@@ -122,7 +123,7 @@ class EnsembleConfig(Config):
         return {**angles_of(stream), **data} if isinstance(stream, StreamModel) else data
 
     @model_validator(mode="after")
-    def _check_angles(self):
+    def _check_angles(self) -> Self:
         if not self.theta_min < self.theta_max:
             raise ValueError("theta_min must be smaller than theta_max")
         return self
@@ -155,7 +156,7 @@ class SpectraConfig(Config):
     first: int | None = Field(None, ge=2, description="how many of its streams count, from the first; all")
 
     @model_validator(mode="after")
-    def _check_first(self):
+    def _check_first(self) -> Self:
         if self.first is not None and self.first >= self.ensemble.n_streams:
             raise ValueError("first must be smaller than n_streams, or not be given")
         return self

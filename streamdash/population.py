@@ -46,12 +46,12 @@ class Perturbers(Config):
 
     @field_validator("mass_range", mode="before")
     @classmethod
-    def _read_range(cls, value):
+    def _read_range(cls, value: Any) -> Any:
         return parse_mass_range(value) if isinstance(value, str) else value
 
     @field_validator("mass_range")
     @classmethod
-    def _check_range(cls, value):
+    def _check_range(cls, value: Any) -> Any:
         low, high = value
         if not (MASS_MIN <= low <= MASS_MAX and MASS_MIN <= high <= MASS_MAX):
             raise ValueError(f"masses must lie between {MASS_MIN:g} and {MASS_MAX:g} M☉")
@@ -88,7 +88,7 @@ class Population(Config):
 
     @field_validator("components", mode="before")
     @classmethod
-    def _count_components(cls, value):
+    def _count_components(cls, value: Any) -> Any:
         if isinstance(value, (list, tuple)) and not value:
             raise ValueError("a population needs at least one component; set rate_factor to 0 for no impacts")
         if isinstance(value, (list, tuple)) and len(value) > COMPONENTS_MAX:
@@ -97,7 +97,7 @@ class Population(Config):
 
     @field_validator("components")
     @classmethod
-    def _sort_components(cls, value):
+    def _sort_components(cls, value: Any) -> Any:
         return tuple(sorted(value, key=lambda component: (component.mass_range, component.key)))
 
     @property
