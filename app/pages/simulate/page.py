@@ -52,6 +52,7 @@ class SimulatePage(Page):
         self._asked: tuple = ()
         self._waiting = self._closed = False
         self._drawn = -math.inf
+        self._seen = -1
         self._timer: Any = None
         self.later = Later(self.services, self._show_outlook, self._fail)
         self.progress = Progress(self.start, self.cancel, self.see_profiles)
@@ -128,7 +129,7 @@ class SimulatePage(Page):
     # ------------------------------------------------------------ following
 
     def look(self) -> None:
-        """Show what has changed; called by a timer on the session's event loop."""
+        """Show how far the simulations are."""
         jobs, catalog = self.services.jobs, self.session.catalog
         self.others.show(jobs.statuses, catalog.unfinished)
         status = self._status()
@@ -142,7 +143,14 @@ class SimulatePage(Page):
 
     def _look_on(self) -> None:
         if not self._closed and self._timer is None:
-            self._timer = pn.state.add_periodic_callback(self.look, LOOK_MS)
+            self._timer = pn.state.add_periodic_callback(self.look_if_new, LOOK_MS)
+
+    def look_if_new(self) -> None:
+        """`look`, unless nothing can have changed; called by a timer on the session's event loop."""
+        version, status = self.services.jobs.version, self._status()
+        if version != self._seen or (status is not None and status.active):
+            self._seen = version
+            self.look()
 
     def _status(self) -> JobStatus | None:
         """The job of the configuration shown, unless it ended and was completed by other means."""
