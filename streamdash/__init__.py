@@ -16,6 +16,7 @@ PUBLIC = {
     "ConfigError": "streamdash.config",
     "EnsembleConfig": "streamdash.config",
     "Perturbers": "streamdash.config",
+    "Population": "streamdash.config",
     "StreamModel": "streamdash.config",
     "named_stream": "streamdash.streams",
     "load_geometry": "streamdash.simulation.geometry",

@@ -25,7 +25,9 @@ from streamdash.cli.common import (
     read_config,
     wrong_input,
 )
-from streamdash.config import Config, EnsembleConfig, LogarithmicHalo, Perturbers, StreamModel
+from streamdash.config import Config, EnsembleConfig, LogarithmicHalo, Perturbers, Population, StreamModel
+from streamdash.populations import PRESETS, component_text, parse_component
+from streamdash.populations import preset as named_preset
 
 if TYPE_CHECKING:
     from streamdash.engine.geometry import Geometry
@@ -52,6 +54,19 @@ def simulate_command(
     mass: Annotated[
         str | None,
         typer.Option("--mass", "-m", metavar="RANGE", help="Mass range in M☉, such as 1e3-1e5."),
+    ] = None,
+    component: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--component",
+            metavar="RANGE[,rate=…]",
+            help="Perturbers of one kind, as often as there are kinds: 1e3-1e5,rate=3,rs=0.4; also X, slope, "
+            "cutoff, mhm, m_wdm (keV), profile, sigma, length.",
+        ),
+    ] = None,
+    preset: Annotated[
+        str | None,
+        typer.Option("--preset", metavar="NAME", help=f"Population with a name: {', '.join(PRESETS)}."),
     ] = None,
     streams: Annotated[int | None, typer.Option("--streams", "-n", help="How many streams.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")] = None,
@@ -100,11 +115,24 @@ def simulate_command(
     What is in the cache already is not computed again: after Ctrl-C, a crash or a full disk the
     same command goes on where it ended. Accuracy settings are given through --config.
     """
-    if mass is None and config is None:
-        raise InputError("Say which mass range, for example --mass 1e3-1e5.")
+    if mass is config is preset is None and not component:
+        raise InputError("Say which mass range, for example --mass 1e3-1e5, or --component or --preset.")
+    named = {
+        "--mass": mass,
+        "--X": X,
+        "--rate-factor": rate_factor,
+        "--slope": slope,
+        "--cutoff-mass": cutoff_mass,
+        "--profile": profile,
+        "--rs-factor": rs_factor,
+        "--sigma-h": sigma_h,
+        "--length-factor": length_factor,
+    }
+    others = [option for option, value in named.items() if value is not None]
     wanted = read_config(
         config,
         {
+            "population": _population(component, preset, others),
             "perturbers.mass_range": mass,
             "n_streams": streams,
             "seed": seed,
@@ -134,6 +162,24 @@ def simulate_command(
         _print_estimate(wanted, where, workers, as_json)
     else:
         _simulate(wanted, where, "dask" if scheduler else executor, workers, scheduler, as_json)
+
+
+def _population(component: list[str] | None, preset: str | None, others: list[str]) -> Any:
+    """The population of ``--component`` and ``--preset``; None without either."""
+    if not component and preset is None:
+        return None
+    if component and preset is not None:
+        raise InputError("--preset: leave it out where --component says what hits the stream.")
+    name = "--component" if component else "--preset"
+    if others:
+        raise InputError(f"{others[0]}: leave it out where {name} says what hits the stream.")
+    if component:
+        population = Population(components=tuple(parse_component(text) for text in component))
+    else:
+        population = named_preset(preset or "").population
+    for sentence in population.overlaps():
+        messages.print(sentence, markup=False)
+    return population.model_dump(mode="json")
 
 
 def _numbers(option: str, text: str | None) -> list[float] | None:
@@ -248,6 +294,7 @@ def _dask_client(executor: str, scheduler: str | None):
 def _print_estimate(config: EnsembleConfig, cache: Cache, workers: int | None, as_json: bool) -> None:
     import joblib
 
+    from streamdash.engine.impacts import expected_impacts
     from streamdash.simulation.ensemble import estimate
     from streamdash.store.cache import StoreError
 
@@ -258,12 +305,14 @@ def _print_estimate(config: EnsembleConfig, cache: Cache, workers: int | None, a
     with wrong_input():
         geometry, geometry_s = _probe(config.stream, cache, workers)
         cost = estimate(config, geometry)
+    parts = [(component_text(p), expected_impacts(geometry, p)) for p in config.population.components]
     core_s = cost.seconds_per_stream * (config.n_streams - done)
     if as_json:
         print_json(
             {
                 "key": config.key,
                 "impacts_per_stream": cost.impacts_per_stream,
+                "components": [{"component": text, "impacts": n} for text, n in parts],
                 "seconds_per_stream": cost.seconds_per_stream,
                 "n_streams": config.n_streams,
                 "n_done": done,
@@ -274,6 +323,8 @@ def _print_estimate(config: EnsembleConfig, cache: Cache, workers: int | None, a
         )
         return
     print(f"Expected impacts per stream: {cost.impacts_per_stream:.2f}")
+    for text, impacts in parts if len(parts) > 1 else ():
+        print(f"  {text}: {impacts:.2f}")
     print(f"Time per stream on one core: {1e3 * cost.seconds_per_stream:.1f} ms")
     print(f"Streams to compute: {config.n_streams - done} of {config.n_streams}")
     if geometry_s:
