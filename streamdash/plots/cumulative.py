@@ -152,7 +152,7 @@ def _held_out_words(tables: Tables, fiducial: int) -> str:
 def share(pair: dict[str, Any]) -> str:
     """Share of held-out streams put right, with its 68 % interval."""
     low, high = 100 * pair["right_low"], 100 * pair["right_high"]
-    return f"{100 * pair['right']:.1f} % ({low:.1f} to {high:.1f})"
+    return f"{100 * pair['right']:.1f} % ({low:.2f} to {high:.2f})"
 
 
 def _crosses(label: str, x: np.ndarray, y: np.ndarray, backend: Backend) -> hv.Scatter:

@@ -101,7 +101,7 @@ def _joint(pair: dict[str, Any]) -> str:
 def _held_out(pair: dict[str, Any]) -> str:
     low, high = 100 * pair["right_low"], 100 * pair["right_high"]
     return (
-        f"{100 * pair['right']:.1f} %<small>{low:.1f} to {high:.1f} %</small>"
+        f"{100 * pair['right']:.1f} %<small>{low:.2f} to {high:.2f} %</small>"
         f"<small>ln ratio {pair['ln_ratio']:.1f}</small>"
     )
 
