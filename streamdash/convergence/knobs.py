@@ -41,11 +41,14 @@ class Setting:
     label : what people read.
     config : what has to be simulated for it.
     reference : index of the setting of the same knob that it is compared with.
+    beyond : where all impacts come at one time, another setting on the other side in time: the
+        comparison is then with what lies between the two at this setting's time.
     """
 
     label: str
     config: SpectraConfig
     reference: int
+    beyond: int | None = None
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,8 @@ class ConvergenceTest:
     settings : positions of the knob.
     ordered : whether later settings are better, so that one may ask from which on it converges.
     claim : index of the first setting that the paper calls converged.
+    scales : decades of scale of which the paper says so
+        (`streamdash.convergence.verdicts.DECADES`).
     """
 
     key: str
@@ -69,6 +74,17 @@ class ConvergenceTest:
     settings: tuple[Setting, ...]
     ordered: bool = False
     claim: int = 0
+    scales: tuple[str, ...] = ("small", "large")
+
+    def place_in_time(self, setting: int) -> float:
+        """Where between those that it is compared with the impacts of a setting come: 0 to 1."""
+        chosen = self.settings[setting]
+        assert chosen.beyond is not None
+        mine, first, second = (
+            self.settings[i].config.ensemble.stream.impact_times_gyr[0]
+            for i in (setting, chosen.reference, chosen.beyond)
+        )
+        return (mine - first) / (second - first)
 
     @property
     def mass_range(self) -> tuple[float, float]:
@@ -110,14 +126,19 @@ def _phase(n_streams: int, seed: int) -> ConvergenceTest:
     settings: list[Setting] = []
     for near in NEAR_GYR:
         first = len(settings)
-        for phase, time in orbital_phases(StreamModel(), near).items():
-            config = _config(n_streams, seed, stream=StreamModel(times_gyr=(time,)))
-            settings.append(_setting(f"{time:g} Gyr, {phase}", config, first))
+        phases = orbital_phases(StreamModel(), near)
+        for place, (phase, time) in enumerate(phases.items()):
+            config = SpectraConfig(ensemble=_config(n_streams, seed, stream=StreamModel(times_gyr=(time,))))
+            ends = place in (0, len(phases) - 1)
+            reference = first + place if ends else first
+            beyond = None if ends else first + len(phases) - 1
+            settings.append(Setting(f"{time:g} Gyr, {phase}", config, reference, beyond))
     return ConvergenceTest(
         "phase",
         "Orbital phase of the impacts",
         "All impacts at one time, near 1 or near 3 Gyr ago: with the stream at its pericentre, at its "
-        "apocentre or between. Compared with the pericentre nearby.",
+        "apocentre or between. Compared with what the pericentres before and after would give at the same "
+        "time, as gaps grow with time.",
         "The dependence on the orbital phase is not relevant; impacts 3 Gyr ago leave more power.",
         tuple(settings),
     )
@@ -151,8 +172,14 @@ def _impact_parameter(mass: str, key: str, title: str, paper: str) -> Callable[[
             )
             for x in XS
         )
-        question = "How far away subhalos may pass and still count: impact parameters up to X times r_s."
-        return ConvergenceTest(key, title, question, paper, settings, ordered=True, claim=XS.index(3.0))
+        question = (
+            "How far away subhalos may pass and still count: impact parameters up to X times r_s, but never "
+            "less than half the width of the stream (galpy's floor), below which X changes nothing: the "
+            "smallest masses are hardly fewer at X = 1."
+        )
+        return ConvergenceTest(
+            key, title, question, paper, settings, ordered=True, claim=XS.index(3.0), scales=("small",)
+        )
 
     return make
 
@@ -299,9 +326,10 @@ def orbital_phases(stream: StreamModel, near_gyr: float) -> dict[str, float]:
     Returns
     -------
     dict
-        ``pericentre``, ``between`` (half-way in time) and ``apocentre``.
+        ``pericentre``, ``between`` (half-way in time), ``apocentre`` and ``next pericentre``, which is on
+        the other side of the apocentre.
     """
-    times = np.arange(0.0, near_gyr + 1.0, 1e-3)
+    times = np.arange(0.0, near_gyr + 2.0, 1e-3)
     radius = progenitor_radius(stream, times)
     turns = np.flatnonzero(np.diff(np.sign(np.diff(radius)))) + 1
     rising = radius[turns + 1] > radius[turns]
@@ -310,5 +338,12 @@ def orbital_phases(stream: StreamModel, near_gyr: float) -> dict[str, float]:
         return float(candidates[np.abs(candidates - near_gyr).argmin()])
 
     low, high = nearest(times[turns[rising]]), nearest(times[turns[~rising]])
-    phases = {"pericentre": low, "between": 0.5 * (low + high), "apocentre": high}
+    across = times[turns[rising]]
+    across = across[(across - high) * (low - high) < 0]
+    phases = {
+        "pericentre": low,
+        "between": 0.5 * (low + high),
+        "apocentre": high,
+        "next pericentre": float(across[np.abs(across - high).argmin()]),
+    }
     return {name: round(time, 2) for name, time in phases.items()}

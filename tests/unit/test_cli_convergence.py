@@ -33,8 +33,8 @@ def test_every_test_has_a_verdict_and_all_have_a_cost(numbers):
     for one in numbers["knobs"]:
         assert one["verdict"] in ("agrees", "within the scatter of streams", "differs")
         assert all(0 < shift["error"] < 0.5 for shift in one["shifts"])
-    assert numbers["cost"]["n_ensembles"] == 31
-    assert numbers["cost"]["n_streams"] == 30 * 1000 + 2000
+    assert numbers["cost"]["n_ensembles"] == 33
+    assert numbers["cost"]["n_streams"] == 32 * 1000 + 2000
     assert numbers["cost"]["streams_core_s"] > 60 and numbers["cost"]["geometries_core_s"] > 60
 
 
@@ -42,17 +42,14 @@ def test_the_engines_own_settings_and_the_number_of_streams_have_converged(numbe
     """Not what the physics does, but what our numbers must do to be trusted."""
     for one in numbers["knobs"]:
         if one["key"] in ("frequencies", "kicks", "streams"):
-            worst = max(
-                (shift for shift in one["shifts"] if shift["setting"] >= knob(one["key"]).claim),
-                key=lambda shift: abs(shift["largest"]),
-            )
-            assert abs(worst["largest"]) < AGREES, one["key"]
+            claimed = [shift for shift in one["shifts"] if shift["setting"] >= knob(one["key"]).claim]
+            assert max(abs(shift["largest"]) for shift in claimed) < AGREES, one["key"]
 
 
 def test_one_test_is_said_in_a_line(shipped_cache):
     lines = run("times", "--cache", shipped_cache).stdout.splitlines()
     assert lines[0].startswith("Number of impact times: ")
-    assert "Of what the paper calls converged, 16 times against 64 times" in lines[0]
+    assert "Of what the paper calls converged, as observed (σ_ε = 0.1), 16 times against 64 times" in lines[0]
     assert lines[-1].startswith("7 ensembles, 8000 streams: ")
 
 

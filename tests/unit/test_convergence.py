@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,12 +17,19 @@ from streamdash.convergence.spectra import (
     stored_spectra,
 )
 from streamdash.convergence.theta_spectra import ThetaSpectra, theta_spectra
-from streamdash.convergence.verdicts import judge, verdict_sentence, verdict_word
+from streamdash.convergence.verdicts import (
+    BIN_DEG,
+    NOISE,
+    judge,
+    shift_by_scale,
+    verdict_sentence,
+    verdict_word,
+)
 from streamdash.engine.galpy_streams import progenitor_radius
 from streamdash.simulation.ensemble import Stopped, simulate
-from streamdash.statistics.spectrum import KINDS, SpectrumBand
+from streamdash.statistics.spectrum import KINDS, SpectrumBand, power_spectrum
 
-SCALE = np.array([54.0, 27.0, 18.0])
+SCALE = np.array([54.0, 27.0, 18.0, 9.0])
 SMALL = SpectraConfig(ensemble=EnsembleConfig(n_streams=12, n_theta=60))
 
 
@@ -28,7 +37,7 @@ def made_up(median: list[float], half: float = 0.2, error: float = 0.01) -> Thet
     """Spectra of all three kinds with the same median."""
     values = np.array(median)
     band = SpectrumBand(SCALE, values - half, values, values + half, 100)
-    return ThetaSpectra(dict.fromkeys(KINDS, band), {kind: np.full(3, error) for kind in KINDS}, 60.0)
+    return ThetaSpectra(dict.fromkeys(KINDS, band), {kind: np.full(4, error) for kind in KINDS}, 60.0)
 
 
 def test_every_knob_is_a_set_of_different_valid_ensembles():
@@ -53,7 +62,7 @@ def test_knobs_turn_what_they_say_and_nothing_else():
         perturbers = setting.config.ensemble.perturbers
         relation = {"hernquist": 1.05, "plummer": 1.62}[perturbers.profile]
         assert perturbers.X * perturbers.rs_factor * relation == pytest.approx(5 * 1.05, rel=1e-4)
-    assert [len(s.config.ensemble.stream.impact_times_gyr) for s in knob("phase").settings] == [1] * 6
+    assert [len(s.config.ensemble.stream.impact_times_gyr) for s in knob("phase").settings] == [1] * 8
     assert [len(s.config.ensemble.stream.impact_times_gyr) for s in knob("times").settings] == [
         1, 2, 4, 8, 16, 32, 64,
     ]  # fmt: skip
@@ -73,7 +82,10 @@ def test_orbital_phases_are_turning_points_of_the_orbit():
         assert r["pericentre"] < around.min() * 1.08
         assert r["apocentre"] > around.max() * 0.99
         assert r["pericentre"] * 1.3 < r["between"] < r["apocentre"] / 1.1
-        assert all(abs(time - near) < 0.25 for time in phases.values())
+        assert r["next pericentre"] == pytest.approx(r["pericentre"], rel=0.15)
+        assert all(abs(time - near) < 0.25 for name, time in phases.items() if name != "next pericentre")
+        low, high = sorted((phases["pericentre"], phases["next pericentre"]))
+        assert low < phases["between"] < high and low < phases["apocentre"] < high
 
 
 def test_a_part_of_an_ensemble_must_be_a_part():
@@ -86,16 +98,55 @@ def test_a_part_of_an_ensemble_must_be_a_part():
 
 
 def test_shifts_are_in_half_bands_of_the_reference():
-    spectra = [made_up([1.0, 1.0, 1.1], half=0.1), made_up([1.0, 0.9, 1.0], half=0.2)]
+    spectra = [made_up([1.0, 1.0, 1.1, 1.0], half=0.1), made_up([1.0, 0.9, 1.0, 0.8], half=0.2)]
     settings = tuple(Setting(label, SMALL, 1) for label in ("a", "b"))
     verdict = judge(ConvergenceTest("k", "", "", "", settings), spectra)
-    assert len(verdict.shifts) == 3
-    assert verdict.worst.largest == pytest.approx(0.5)
-    assert verdict.worst.scale in (27.0, 18.0)
-    assert verdict.worst.error == pytest.approx(np.hypot(0.01, 0.01) / 0.2)
-    assert verdict.word == "within the scatter of streams"
-    assert verdict.agreeing == (54.0, 54.0)
-    assert verdict.of(1) is None and verdict.of(0).largest == verdict.worst.largest
+    assert len(verdict.shifts) == 2 * 4  # two decades of three spectra, and of the density as observed
+    large, small = (verdict.of(0, "track", decade) for decade in ("large", "small"))
+    assert (large.mean, small.mean) == (pytest.approx(1 / 3), pytest.approx(1.0))
+    assert large.largest == pytest.approx(0.5) and large.scale in (27.0, 18.0)
+    assert large.error == pytest.approx(np.hypot(0.01, 0.01) / 0.2)
+    assert verdict.worst_clean.mean == pytest.approx(1.0)
+    assert verdict.worst.observed and verdict.word == "within the scatter of streams"
+    assert verdict.of(1, "track", "large") is None
+
+
+def test_noise_hides_shifts_below_it_and_not_those_above():
+    """Half bands of signal plus noise: of a signal far below the noise nothing is left."""
+    loud = [made_up([m] * 4, half=0.2 * m) for m in (1.2, 1.0)]
+    faint = [made_up([m] * 4, half=0.2 * m) for m in (1.2e-3, 1.0e-3)]
+    for spectra, kept in ((loud, True), (faint, False)):
+        clean, seen = (
+            shift_by_scale(*(one.bands["density"] for one in spectra), observed) for observed in (False, True)
+        )
+        np.testing.assert_allclose(clean, 1.0)
+        np.testing.assert_allclose(seen, 1.0 if kept else 0.0, atol=0.02)
+
+
+def test_the_level_of_noise_is_that_of_drawn_noise():
+    """White noise in bins has the mean power that is added to the medians."""
+    n, step = 347, np.radians(BIN_DEG)
+    draws = NOISE * np.random.default_rng(4).standard_normal((400, n))
+    _, power = power_spectrum(draws, step)
+    assert power[:, 2:-2].mean() == pytest.approx(3 * NOISE**2 * step, rel=0.02)
+
+
+def test_impacts_at_one_time_are_compared_at_equal_age():
+    """A spectrum that grows steadily with time does not depend on the phase."""
+    found = knob("phase")
+    times = [s.config.ensemble.stream.impact_times_gyr[0] for s in found.settings]
+    grown = [made_up([np.exp(time)] * 4, half=0.2) for time in times]
+    verdict = judge(found, grown)
+    assert {shift.setting for shift in verdict.shifts} == {1, 2, 5, 6}
+    assert all(abs(shift.mean) < 1e-9 for shift in verdict.shifts)
+
+
+def test_what_the_paper_says_of_small_scales_is_judged_there():
+    found = knob("x")
+    assert found.scales == ("small",)
+    apart_above = [made_up([1.0 + 0.4 * (i < 4)] * 3 + [1.0]) for i in range(5)]
+    assert judge(found, apart_above).word == "agrees"
+    assert judge(replace(found, scales=("small", "large")), apart_above).word == "differs"
 
 
 @pytest.mark.parametrize(
@@ -110,7 +161,7 @@ def test_shifts_are_in_half_bands_of_the_reference():
 def test_convergence_counts_from_where_on_nothing_shifts_any_more(medians, start, words):
     settings = tuple(Setting(label, SMALL, 3) for label in "abcd")
     found = ConvergenceTest("k", "", "", "It converges.", settings, ordered=True, claim=2)
-    verdict = judge(found, [made_up([m, 1.0, 1.0]) for m in medians])
+    verdict = judge(found, [made_up([m, m, m, 1.0]) for m in medians])
     assert verdict.converged_from == start
     assert verdict.worst.setting == 2
     assert verdict_sentence(found, verdict).startswith(words)

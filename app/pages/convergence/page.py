@@ -32,7 +32,7 @@ from streamdash.store.cache import StoreError
 
 LEGEND = (
     ("grey", "68 % of the streams of the setting compared with"),
-    ("none", "Colours of the settings: see the table"),
+    ("none", "colours of the settings: see the table; last figure: density spectra against the reference"),
 )
 
 
@@ -153,6 +153,7 @@ class ConvergencePage(Page):
             LiveFigure(convergence.draw(chosen, self.measured.spectra, kind, "bokeh")).figure
             for kind in KINDS
         ]
+        figures.append(LiveFigure(convergence.draw_ratios(chosen, self.measured.spectra, "bokeh")).figure)
         self.figures[:] = [ui.figure_grid(figures)]
         self.table.object = shifts_html(self.measured)
         verdict = verdict_sentence(chosen, self.measured.verdict)

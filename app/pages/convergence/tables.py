@@ -9,7 +9,7 @@ from app.pages.spectrum.statements import STYLE as TABLE_STYLE
 from app.ui.layout import reachable
 from streamdash.convergence.knobs import ConvergenceTest
 from streamdash.convergence.text import Measured
-from streamdash.convergence.verdicts import Shift
+from streamdash.convergence.verdicts import DECADE_WORDS, DECADES, Shift
 from streamdash.plots.convergence import colour
 from streamdash.statistics.spectrum import KINDS
 
@@ -27,38 +27,43 @@ HEADS = {"density": "Density", "track": "Track", "cross": "Cross"}
 
 
 def verdicts_html(found: Sequence[Measured], lacking: Sequence[ConvergenceTest]) -> str:
-    """One row per test: the largest shift among what the paper calls converged, and the verdict."""
+    """One row per test: the largest mean shift among what the paper calls converged, and the verdict."""
     rows = []
     for one in found:
         worst = one.verdict.worst
         rows.append(
             f"<tr><th scope='row'><a href='?page=convergence&amp;knob={html.escape(one.knob.key)}'>"
             f"{html.escape(one.knob.title)}</a></th>"
-            f"<td class='number'>{worst.largest:+.2f} ± {worst.error:.2f}"
-            f"<small>at {worst.scale:.1f}°</small></td>"
+            f"<td class='number'>{_number(worst)}</td>"
             f"<td>{SIGNS[worst.word]} {worst.word}</td>"
+            f"<td class='number'>{_number(one.verdict.worst_clean)}</td>"
             f"<td>{html.escape(one.knob.paper) or 'no such test'}</td></tr>"
         )
     rows += [
-        f"<tr><th scope='row'>{html.escape(one.title)}</th><td colspan='3'>not simulated yet</td></tr>"
+        f"<tr><th scope='row'>{html.escape(one.title)}</th><td colspan='4'>not simulated yet</td></tr>"
         for one in lacking
     ]
     return reachable(
         "Verdicts on all tests",
         "<table><thead><tr><th scope='col'>Test</th>"
-        "<th scope='col'>Largest shift<small>in half bands</small></th>"
-        "<th scope='col'>Verdict</th><th scope='col'>Paper</th></tr></thead>"
+        "<th scope='col'>Shift as observed<small>in half bands of signal and noise</small></th>"
+        "<th scope='col'>Outcome</th><th scope='col'>Without noise</th>"
+        "<th scope='col'>Paper</th></tr></thead>"
         f"<tbody>{''.join(rows)}</tbody></table>",
     )
 
 
 def shifts_html(one: Measured) -> str:
-    """One row per setting of a test: its impacts and the largest shift of each spectrum."""
-    heads = "".join(f"<th scope='col'>{HEADS[kind]}</th>" for kind in KINDS)
+    """One row per setting of a test: its impacts and the mean shifts of each spectrum."""
+    columns = (("density", True), *((kind, False) for kind in KINDS))
+    heads = "".join(
+        f"<th scope='col'>{HEADS[kind]}<small>{'as observed' if seen else 'without noise'}</small></th>"
+        for kind, seen in columns
+    )
     rows = []
     for i, (setting, spectra) in enumerate(zip(one.knob.settings, one.spectra, strict=True)):
-        shifts = {shift.kind: shift for shift in one.verdict.shifts if shift.setting == i}
-        cells = "".join(_cell(shifts.get(kind)) for kind in KINDS)
+        pairs = ([one.verdict.of(i, kind, name, seen) for name in DECADES] for kind, seen in columns)
+        cells = "".join(_cell(pair) for pair in pairs)
         rows.append(
             f"<tr><th scope='row'><span class='mark' style='background:{colour(one.knob, i)}' "
             f"aria-hidden='true'></span>{html.escape(setting.label)}</th>"
@@ -66,16 +71,20 @@ def shifts_html(one: Measured) -> str:
         )
     return reachable(
         "Shifts of this test",
-        "<table><caption>Largest shift of the median, in half bands of the setting compared with</caption>"
+        "<table><caption>Mean shift of the median, in half bands of the setting compared with: at 1° to 10°, "
+        "and at larger scales</caption>"
         f"<thead><tr><th scope='col'>Setting</th><th scope='col'>Impacts</th>{heads}</tr></thead>"
         f"<tbody>{''.join(rows)}</tbody></table>",
     )
 
 
-def _cell(shift: Shift | None) -> str:
-    if shift is None:
+def _number(shift: Shift) -> str:
+    return f"{shift.mean:+.2f} ± {shift.error:.2f}<small>at {DECADE_WORDS[shift.decade]}</small>"
+
+
+def _cell(pair: Sequence[Shift | None]) -> str:
+    found = [shift for shift in pair if shift is not None]
+    if not found:
         return "<td class='number'>–<small>compared with</small></td>"
-    return (
-        f"<td class='number'>{SIGNS[shift.word]} {shift.largest:+.2f} ± {shift.error:.2f}"
-        f"<small>at {shift.scale:.1f}°</small></td>"
-    )
+    lines = "<br>".join(f"{SIGNS[shift.word]} {shift.mean:+.2f} ± {shift.error:.2f}" for shift in found)
+    return f"<td class='number'>{lines}</td>"
