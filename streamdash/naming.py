@@ -19,7 +19,7 @@ CLASS_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 MASS_UNIT = "M☉"
 PLAIN_UNIT = "Msun"
 SUPERSCRIPT = str.maketrans("0123456789.", "⁰¹²³⁴⁵⁶⁷⁸⁹·")
-MASS = re.compile(rf"(\d+(?:\.\d+)?)e(\d+)( {PLAIN_UNIT})?")
+MASS = re.compile(rf"(?<!\d)(\d+(?:\.\d+)?)e(\d+)( {PLAIN_UNIT})?")
 RANGE = re.compile(r"(?<=e\d)-(?=\d)|(?<=e\d\d)-(?=\d)")
 
 

@@ -145,6 +145,9 @@ def mass_label(mass_range: tuple[float, float]) -> str:
     return f"{one(mass_range[0])}-{one(mass_range[1])}"
 
 
+_MASS = r"(\d+(?:\.\d*)?(?:[eE]\+?\d+)?)"
+
+
 def parse_mass_range(text: str) -> tuple[float, float]:
     """Read a mass range such as ``1e3-1e5`` (M☉).
 
@@ -158,8 +161,7 @@ def parse_mass_range(text: str) -> tuple[float, float]:
     >>> parse_mass_range("1e3-1e5")
     (1000.0, 100000.0)
     """
-    number = r"(\d+(?:\.\d*)?(?:[eE]\+?\d+)?)"
-    match = re.fullmatch(rf"\s*{number}\s*[-–]\s*{number}\s*", text)
+    match = re.fullmatch(rf"\s*{_MASS}\s*[-–]\s*{_MASS}\s*", text)
     if match is None:
         raise ValueError(f"mass range {text[:40]!r} is not of the form 1e3-1e5 (two masses in M☉)")
     return float(match[1]), float(match[2])

@@ -101,7 +101,8 @@ def guess(table: Table) -> Assumptions:
 
 
 def _plain(name: str) -> str:
-    return re.sub(r"[\W_]+|\(.*?\)|\[.*?\]", "", name.strip().lower())
+    """Letters and digits of a name, in lower case."""
+    return "".join(c for c in name.lower() if c.isalnum())
 
 
 def _position(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,13 +23,16 @@ MAX_ROWS = 5000
 MAX_COLUMNS = 64
 MAX_LINES = 4 * MAX_ROWS
 """Ends of lines, comments and empty lines included; files for Windows have two a line."""
+MAX_SECONDS = 20.0
+"""Longest time that is spent on one file; the largest ones take a second or two on an idle machine."""
 MAX_NAME = 40
 """Characters of a column's name that are kept."""
 MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "--", "...", "masked"})
 """What stands for no value, in any case of letters."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d{1,4})?")
 _LONGEST_NUMBER = 60
-_UNIT = re.compile(r"^#\s*-\s*\{?.*\bname:\s*['\"]?(?P<name>[^,'\"}]+).*\bunit:\s*['\"]?(?P<unit>[^,'\"}]+)")
+_LONGEST_COMMENT = 500
+"""Characters of a comment in which units are looked for."""
 
 
 class UploadLimit(Settings):
@@ -95,6 +99,21 @@ class Table:
         return self.values[:, self.names.index(name)]
 
 
+class _Deadline:
+    """Ends reading that takes too long: whatever a file is made of, others wait for the same processor."""
+
+    def __init__(self, seconds: float) -> None:
+        self.end = time.monotonic() + seconds
+
+    def check(self) -> None:
+        """Raise `ObservationError` when the time is over."""
+        if time.monotonic() > self.end:
+            raise ObservationError(
+                f"Reading the file took longer than {MAX_SECONDS:g} s; give fewer rows and columns: a profile "
+                "has a few dozen rows."
+            )
+
+
 def read_table(data: bytes) -> Table:
     """Read a table of numbers from the bytes of a text file.
 
@@ -107,6 +126,7 @@ def read_table(data: bytes) -> Table:
     ObservationError
         When it is too large, not text, or not a table of numbers: the sentence names line and column.
     """
+    deadline = _Deadline(MAX_SECONDS)
     lines = _lines(_text(data))
     comments = [text for _, text in lines if text.lstrip().startswith("#")]
     rows = [(number, text) for number, text in lines if text.strip() and not text.lstrip().startswith("#")]
@@ -114,7 +134,7 @@ def read_table(data: bytes) -> Table:
         raise ObservationError("The file holds no rows: only comments or empty lines.")
     if len(rows) > MAX_ROWS + 1:
         raise ObservationError(f"The table has {len(rows)} rows; at most {MAX_ROWS} are read: average some.")
-    cells = _split([text for _, text in rows])
+    cells = _split([text for _, text in rows], deadline)
     numbers = np.array([number for number, _ in rows])
     if len(cells[0]) > MAX_COLUMNS:
         raise ObservationError(f"The table has {len(cells[0])} columns; at most {MAX_COLUMNS} are read.")
@@ -130,7 +150,7 @@ def read_table(data: bytes) -> Table:
             "agree."
         )
     names = _names(given, width)
-    values = _values(body, body_lines, names)
+    values = _values(body, body_lines, names, deadline)
     return Table(names, values, body_lines, given is not None, _units(comments, names))
 
 
@@ -167,7 +187,7 @@ def _lines(text: str) -> list[tuple[int, str]]:
     return list(enumerate(re.split("\r\n|\r|\n", text), start=1))
 
 
-def _split(rows: list[str]) -> list[list[str]]:
+def _split(rows: list[str], deadline: _Deadline) -> list[list[str]]:
     """Cells of every row, with the separator that the first rows have."""
     head = rows[:2]
     separator = next((s for s in ("\t", ";", ",") if all(s in row for row in head)), None)
@@ -175,6 +195,7 @@ def _split(rows: list[str]) -> list[list[str]]:
         return [row.split() for row in rows]
     cells = []
     for row in rows:
+        deadline.check()
         try:
             found = next(csv.reader(io.StringIO(row), delimiter=separator, skipinitialspace=True), [])
         except csv.Error:  # a cell of more than 131,072 characters
@@ -206,9 +227,12 @@ def _is_header(cells: list[str], line: int) -> bool:
     return bool(strange)
 
 
-def _values(cells: list[list[str]], lines: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
+def _values(
+    cells: list[list[str]], lines: np.ndarray, names: tuple[str, ...], deadline: _Deadline
+) -> np.ndarray:
     values = np.empty((len(cells), len(names)))
     for i, (row, line) in enumerate(zip(cells, lines, strict=True)):
+        deadline.check()
         if len(row) != len(names):
             raise ObservationError(
                 f"Line {line} has {len(row)} values where the lines before have {len(names)}; each row needs "
@@ -245,6 +269,14 @@ def _names(given: list[str] | None, width: int) -> tuple[str, ...]:
 
 
 def _units(comments: list[str], names: tuple[str, ...]) -> dict[str, str]:
-    found = (_UNIT.match(comment[:500]) for comment in comments[: 4 * MAX_COLUMNS])
-    units = {shown(m["name"]): shown(m["unit"]) for m in found if m is not None}
-    return {name: unit for name, unit in units.items() if name in names}
+    """Units in the lines ``# - {name: phi1, unit: deg, …}`` of an ECSV header."""
+    units = {}
+    for comment in comments[: 4 * MAX_COLUMNS]:
+        entry = comment[:_LONGEST_COMMENT].lstrip("# \t")
+        if not entry.startswith("-"):
+            continue
+        pairs = (field.partition(":") for field in entry[1:].strip(" \t{}").split(","))
+        words = {key.strip(): value.strip(" \t'\"{}") for key, _, value in pairs}
+        if words.get("unit") and shown(words.get("name", "")) in names:
+            units[shown(words["name"])] = shown(words["unit"])
+    return units
