@@ -29,7 +29,7 @@ MAX_NAME = 40
 """Characters of a column's name that are kept."""
 MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "--", "...", "masked"})
 """What stands for no value, in any case of letters."""
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d{1,4})?")
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d{1,4})?")
 _LONGEST_NUMBER = 60
 _LONGEST_COMMENT = 500
 """Characters of a comment in which units are looked for."""
@@ -109,8 +109,8 @@ class _Deadline:
         """Raise `ObservationError` when the time is over."""
         if time.monotonic() > self.end:
             raise ObservationError(
-                f"Reading the file took longer than {MAX_SECONDS:g} s; give fewer rows and columns: a profile "
-                "has a few dozen rows."
+                f"Reading the file took longer than {MAX_SECONDS:g} s; give fewer rows and columns: a "
+                "profile has a few dozen rows."
             )
 
 

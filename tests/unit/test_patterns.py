@@ -31,7 +31,7 @@ SMALL, LARGE = 1500, 12_000
 """Lengths compared. Eight times the text takes eight times as long in a linear search, 64 in a quadratic."""
 MOST = 24.0
 QUICK = 5e-5
-"""Seconds below which the clock says nothing; a quadratic search of the larger text takes a thousand times more."""
+"""Seconds below which the clock says nothing; a quadratic search of the larger text takes far longer."""
 FUNCTIONS = ("compile", "match", "fullmatch", "search", "sub", "split", "findall", "finditer")
 
 
