@@ -1,37 +1,32 @@
-"""What pages are put together from: widgets, cards, layout and messages."""
+"""What pages are put together from: frame, messages, widgets, cards and layout."""
 
-from app.ui.material import (
+from app.ui.cards import FigureCard, document, download, folded
+from app.ui.frame import navigation, page_frame, unwatch_busy
+from app.ui.layout import (
     WIDE,
-    FigureCard,
+    class_heading,
+    controls,
+    figure_cell,
+    figure_grid,
+    legend,
+    page_layout,
+    plain_text,
+)
+from app.ui.messages import error_state, message, no_ensembles
+from app.ui.widgets import (
     button,
     caption,
     class_button,
-    class_heading,
-    controls,
-    document,
-    download,
     ensemble_picker,
-    error_state,
-    figure_cell,
-    figure_grid,
-    folded,
     int_slider,
-    legend,
     menu,
-    message,
-    navigation,
-    no_ensembles,
     noise_slider,
     number_slider,
-    page_frame,
-    page_layout,
-    plain_text,
     select,
     slider,
     stream_picker,
     text_field,
     toggle,
-    unwatch_busy,
 )
 
 __all__ = [

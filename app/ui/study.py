@@ -73,7 +73,7 @@ class Study:
     code : callable
         Lines of Python that run as shown.
     legend : sequence of (kind, words)
-        See `app.ui.material.legend`.
+        See `app.ui.layout.legend`.
     """
 
     name: str

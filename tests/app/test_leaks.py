@@ -18,10 +18,10 @@ from app.pages.profiles.page import ProfilesPage
 from app.serving import open_session
 from app.session.session import Session
 from app.shell import Shell
-from app.ui import material
+from app.ui import frame
 from streamdash.plots.live import LiveFigure
 
-KINDS = (Session, Shell, ProfilesPage, LiveFigure, Document, material.pmui.Page)
+KINDS = (Session, Shell, ProfilesPage, LiveFigure, Document, frame.pmui.Page)
 
 
 def alive() -> dict[str, int]:

@@ -20,7 +20,7 @@ from app.services.comparison import (
     shared_comparison,
 )
 from app.services.later import Later
-from streamdash.naming import class_labels
+from streamdash.naming import class_labels, differences
 from streamdash.paths import DOCS
 from streamdash.plots import cumulative, evidence
 from streamdash.plots.live import LiveFigure, export
@@ -81,7 +81,8 @@ class EvidencePage(Page):
     @property
     def is_paper(self) -> bool:
         """Whether the classes are the paper's two, so that its table can stand beside ours."""
-        return [c.population.label for c in configs(self.session)] == PAPER_RANGES
+        chosen = configs(self.session)
+        return [c.population.label for c in chosen] == PAPER_RANGES and not any(map(differences, chosen))
 
     def update(self, changed: frozenset[str]) -> None:
         if "theme" in changed and self.live_chart is not None:

@@ -1,0 +1,141 @@
+"""A figure with heading, sentence, downloads and code; and what is folded away."""
+
+from __future__ import annotations
+
+import html
+import io
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import pandas as pd
+import panel as pn
+import panel_material_ui as pmui
+from panel.viewable import Viewable
+
+from app.ui.browser import LiveText
+from app.ui.layout import CODE_STYLE, WIDE, figure_grid
+from app.ui.theme import CARD
+
+
+class FigureCard:
+    """A figure with heading, sentence, downloads and the code that makes it.
+
+    Parameters
+    ----------
+    title
+        Heading.
+    figures
+        One Bokeh figure or Panel object, or several shown side by side.
+    name
+        Stem of the downloaded files' names; ``sd-card-<name>`` is the card's CSS class.
+    image
+        Called with ``"png"`` or ``"svg"``; returns the bytes of the figure as it is now.
+    table
+        Returns the figure's numbers as they are now, units in the column names.
+    code
+        Returns the lines of Python that make the figure as it is now.
+    legend
+        Shown between heading and figure.
+
+    Attributes
+    ----------
+    files : dict
+        By kind (``png``, ``svg``, ``csv``), what a download calls for its bytes.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        figures: Any,
+        *,
+        name: str,
+        image: Callable[[str], bytes],
+        table: Callable[[], pd.DataFrame],
+        code: Callable[[], str],
+        legend: Viewable | None = None,
+    ) -> None:
+        self._code = code
+        self._sentence = LiveText(sizing_mode=WIDE, margin=(6, 0), css_classes=["sd-sentence"])
+        self._listing = pn.pane.HTML(
+            "", stylesheets=[CODE_STYLE], sizing_mode=WIDE, margin=0, css_classes=["sd-code"]
+        )
+        figures = figures if isinstance(figures, list | tuple) else [figures]
+        heading = pmui.Typography(html.escape(title), variant="h6", margin=0, sx={"flex": "1 1 auto"})
+        self.files = {
+            "png": lambda: image("png"),
+            "svg": lambda: image("svg"),
+            "csv": lambda: table().to_csv(index=False, float_format="%.6g").encode(),
+        }
+        self._downloads = [
+            download(f"streamdash-{name}.{kind}", kind, make, disabled=True)
+            for kind, make in self.files.items()
+        ]
+        self._accordion = pmui.Accordion(
+            ("Show the code", self._listing),
+            title_variant="body2",
+            disable_gutters=True,
+            sizing_mode=WIDE,
+            margin=0,
+            elevation=0,
+            css_classes=["sd-show-code"],
+        )
+        self._accordion.param.watch(lambda _: self._list(), "active")
+        kinds = pn.Row(*self._downloads, margin=0)
+        head = pn.FlexBox(heading, kinds, align_items="center", gap="4px 12px", sizing_mode=WIDE, margin=0)
+        self.view = pn.Column(
+            head,
+            *([legend] if legend else []),
+            figure_grid(figures),
+            self._sentence,
+            self._accordion,
+            sizing_mode=WIDE,
+            margin=(8, 0),
+            styles=CARD,
+            css_classes=["sd-card", f"sd-card-{name}"],
+        )
+
+    def say(self, sentence: str, *, ready: bool = True) -> None:
+        """Set the sentence under the figure; also refreshes the code where it is open.
+
+        The downloads can be pressed while there is a sentence, unless ``ready`` says otherwise:
+        a figure that is not there yet has none.
+        """
+        self._sentence.text = sentence
+        for file in self._downloads:
+            file.disabled = not (sentence and ready)
+        self._list()
+
+    def _list(self) -> None:
+        if self._accordion.active:
+            self._listing.object = f"<pre tabindex='0'><code>{html.escape(self._code())}</code></pre>"
+
+
+def folded(title: str, parts: Sequence[Viewable], name: str, **params: Any) -> Viewable:
+    """What few need, closed until somebody opens it; ``sd-<name>`` is its class."""
+    return pmui.Accordion(
+        (title, pn.Column(*parts, sizing_mode=WIDE, margin=0, styles={"overflow-x": "auto"})),
+        disable_gutters=True,
+        elevation=0,
+        css_classes=[f"sd-{name}"],
+        **{"sizing_mode": WIDE, "margin": (8, 0), **params},
+    )
+
+
+def document(title: str, markdown: str, name: str) -> Viewable:
+    """A longer text of ours, closed until somebody opens it; ``sd-<name>`` is its class."""
+    text = pn.pane.Markdown(markdown, renderer_options={"html": False}, sizing_mode=WIDE, margin=(0, 8))
+    return folded(title, [text], name)
+
+
+def download(filename: str, kind: str, make: Callable[[], bytes], **params: Any) -> pmui.FileDownload:
+    """A button that downloads what ``make()`` returns then; ``sd-download-<kind>`` is its class."""
+    return pmui.FileDownload(
+        callback=lambda: io.BytesIO(make()),
+        filename=filename,
+        label=kind.upper(),
+        variant="text",
+        size="small",
+        margin=0,
+        css_classes=[f"sd-download-{kind}"],
+        **params,
+    )

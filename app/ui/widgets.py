@@ -1,0 +1,153 @@
+"""Widgets of a session's choices, bound both ways, and buttons."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+import param
+from panel.viewable import Viewable
+
+from app.page import Page
+from app.session.catalog import CLASSES_MAX, CLASSES_MIN
+from app.ui.layout import WIDE
+from app.ui.theme import MENU_STYLE
+from streamdash.naming import class_colour
+
+SLIDER_DELAY = 10
+"""Milliseconds in which moves of one slider are gathered; Panel's 50 are a third of our budget."""
+
+
+def slider(page: Page, name: str, label: str, step: float = 0.01, **params: Any) -> pmui.FloatSlider:
+    """Slider of a session number with bounds; every move arrives, not only the last."""
+    low, high = page.session.param[name].bounds
+    choices = {"start": low, "end": high, "format": "0.00", **params}
+    widget = pmui.FloatSlider(label=label, step=step, **_sized(name, choices))
+    _answer_at_once(widget)
+    return page.bind(name, widget, to_session=lambda value: round(value, 3))
+
+
+def int_slider(page: Page, name: str, label: str, start: int, end: int, **params: Any) -> pmui.IntSlider:
+    """Slider of a session integer; ``start`` and ``end`` may be narrower than its bounds."""
+    widget = pmui.IntSlider(label=label, start=start, end=end, **_sized(name, params))
+    _answer_at_once(widget)
+    return page.bind(name, widget, to_widget=lambda value: min(max(value, start), end))
+
+
+def _answer_at_once(widget: Any) -> None:
+    """Shorten the time in which Panel gathers a widget's events, for this one widget."""
+    widget._debounce = SLIDER_DELAY
+
+
+def number_slider(label: str, start: int, end: int, value: int, name: str) -> pmui.IntSlider:
+    """Slider of a whole number that is not itself a session parameter; ``sd-<name>`` is its class."""
+    return pmui.IntSlider(label=label, start=start, end=end, value=value, **_sized(name, {}))
+
+
+def toggle(page: Page, name: str, label: str, options: dict[str, Any], **params: Any) -> Viewable:
+    """One of a few values as buttons side by side; ``options`` maps what is read to the value."""
+    widget = pmui.RadioButtonGroup(
+        options=options,
+        value=getattr(page.session, name),
+        size="small",
+        margin=0,
+        css_classes=[f"sd-{name}"],
+        sx={"& button": {"whiteSpace": "nowrap"}},
+    )
+    page.bind(name, widget)
+    return pn.Column(caption(label), widget, margin=(4, 10), width_policy="min", **params)
+
+
+def menu(name: str, label: str, options: dict[str, Any], **params: Any) -> pn.widgets.Select:
+    """The browser's own menu: panel-material-ui 0.16.6's cannot be opened with the keyboard."""
+    return pn.widgets.Select(
+        label=label, options=options, **_sized(name, {"stylesheets": [MENU_STYLE], **params})
+    )
+
+
+def select(page: Page, name: str, label: str, options: dict[str, Any], **params: Any) -> pn.widgets.Select:
+    """One of several values of a session as a menu."""
+    return page.bind(name, menu(name, label, options, value=getattr(page.session, name), **params))
+
+
+def stream_picker(page: Page) -> pn.widgets.Select:
+    """Menu of the stream models that have complete ensembles."""
+    session = page.session
+
+    def options() -> dict[str, str]:
+        return {stream.label: stream.key for stream in session.catalog.streams}
+
+    widget = menu("stream", "Stream", options(), value=session.stream)
+    widget.param.watch(lambda event: session.choose_stream(event.new), "value")
+    page.follow("catalog", lambda: widget.param.update(options=options()))
+    return widget
+
+
+def ensemble_picker(page: Page) -> Viewable:
+    """Choice of the 2 to 4 mass ranges that are compared: buttons, which the keyboard reaches too."""
+    session = page.session
+
+    def options() -> dict[str, str]:
+        stream = session.catalog.stream(session.stream)
+        return {choice.label: choice.key for choice in (stream.ensembles if stream else ())}
+
+    widget = pmui.CheckButtonGroup(
+        options=options(),
+        value=list(session.mass),
+        size="small",
+        margin=0,
+        css_classes=["sd-mass"],
+        sx={"flexWrap": "wrap", "& button": {"whiteSpace": "nowrap", "width": "auto", "flex": "0 0 auto"}},
+    )
+
+    def picked(event: param.parameterized.Event) -> None:
+        keys = list(options().values())
+        if min(CLASSES_MIN, len(keys)) <= len(event.new) <= CLASSES_MAX:
+            session.mass = [key for key in keys if key in event.new]
+        else:
+            widget.value = list(session.mass)
+
+    widget.param.watch(picked, "value")
+    page.follow("catalog", lambda: widget.param.update(options=options()))
+    heading = caption(f"Mass ranges of the perturbers ({CLASSES_MIN} to {CLASSES_MAX})")
+    return pn.Column(heading, widget, margin=(4, 10), max_width=620, styles={"flex": "1 1 300px"})
+
+
+def noise_slider(page: Page) -> pmui.FloatSlider:
+    """Shot noise σ_ε per 0.2° bin, 0 to 1."""
+    return slider(page, "noise", "Shot noise σ_ε per 0.2° bin")
+
+
+def button(label: str, action: Callable[[], Any], **params: Any) -> pmui.Button:
+    """A button that calls ``action()``."""
+    return pmui.Button(label=label, on_click=lambda _: action(), variant="outlined", **params)
+
+
+def class_button(index: int, label: str, action: Callable[[], Any], **params: Any) -> pmui.Button:
+    """A button in the colour of a class."""
+    style = {
+        "borderColor": class_colour(index),
+        "borderWidth": 3,
+        "textTransform": "none",
+        "color": "inherit",
+    }
+    return button(f"M{index} · {label}", action, sx=style, margin=(4, 10), **params)
+
+
+def text_field(page: Page, name: str, label: str, help: str, placeholder: str = "") -> Viewable:
+    """A line of text with a line of help below it."""
+    options = {"size": "small", "sizing_mode": WIDE, "margin": 0, "css_classes": [f"sd-{name}"]}
+    widget = page.bind(name, pmui.TextInput(label=label, placeholder=placeholder, **options))
+    return pn.Column(widget, caption(help), sizing_mode=WIDE, margin=(4, 0))
+
+
+def caption(text: str) -> pmui.Typography:
+    """Small heading of a control that has none of its own."""
+    return pmui.Typography(html.escape(text), variant="caption", margin=0)
+
+
+def _sized(name: str, params: dict[str, Any]) -> dict[str, Any]:
+    return {"width": 260, "margin": (4, 10), "css_classes": [f"sd-{name}"], **params}
