@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 import warnings
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,16 +35,18 @@ def time_unit_gyr() -> float:
     return float(conversion.time_in_Gyr(V0_KMS, R0_KPC))
 
 
-@lru_cache(maxsize=4)
-def _galpy_arguments(stream: StreamModel) -> dict[str, Any]:
+def _galpy_arguments(stream: StreamModel, compiled: bool) -> dict:
     """Keyword arguments that galpy's stream classes share, units natural."""
     from galpy.actionAngle import actionAngleIsochroneApprox
 
+    from streamdash.engine.action_angles import CompiledIsochroneApprox
+
+    approximation = CompiledIsochroneApprox if compiled else actionAngleIsochroneApprox
     potential = galpy_potential(stream)
     return {
         **_progenitor_and_sun(stream),
         "pot": potential,
-        "aA": actionAngleIsochroneApprox(pot=potential, b=stream.isochrone_b),
+        "aA": approximation(pot=potential, b=stream.isochrone_b),
         "leading": stream.arm == "leading",
         "nTrackChunks": TRACK_CHUNKS,
         "tdisrupt": stream.age_gyr / time_unit_gyr(),
@@ -98,24 +99,28 @@ def progenitor_orbit(stream: StreamModel) -> Any:
 
 def progenitor_radius(stream: StreamModel, times_gyr: np.ndarray) -> np.ndarray:
     """Distance of the progenitor from the Galactic centre (kpc) at times before today (Gyr, from 0 up)."""
-    arguments = _galpy_arguments(stream)
-    orbit, times = arguments["progenitor"](), -np.asarray(times_gyr) / time_unit_gyr()
-    orbit.integrate(times, arguments["pot"])
+    orbit, times = progenitor_orbit(stream), -np.asarray(times_gyr) / time_unit_gyr()
+    orbit.integrate(times, galpy_potential(stream))
     return R0_KPC * np.asarray(orbit.r(times, use_physical=False))
 
 
-def galpy_stream(stream: StreamModel) -> Any:
-    """The smooth `galpy.df.streamdf` of `stream`."""
+def galpy_stream(stream: StreamModel, compiled: bool = False):
+    """The smooth `galpy.df.streamdf` of `stream`.
+
+    Parameters
+    ----------
+    compiled : whether galpy uses `streamdash.engine.action_angles` instead of its own; so does `galpy_gap`.
+    """
     from galpy.df import streamdf
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        smooth = streamdf(stream.dispersion_kms / V0_KMS, **_galpy_arguments(stream))
+        smooth = streamdf(stream.dispersion_kms / V0_KMS, **_galpy_arguments(stream, compiled))
     smooth.turn_physical_off()
     return smooth
 
 
-def galpy_gap(stream: StreamModel, time_gyr: float, **impact: Any) -> Any:
+def galpy_gap(stream: StreamModel, time_gyr: float, compiled: bool = False, **impact):
     """The `galpy.df.streamgapdf` of `stream` with one impact at `time_gyr`.
 
     With no further arguments only its geometry is set up; `impact` takes galpy's
@@ -132,7 +137,7 @@ def galpy_gap(stream: StreamModel, time_gyr: float, **impact: Any) -> Any:
             stream.dispersion_kms / V0_KMS,
             timpact=time_gyr / time_unit_gyr(),
             **impact,
-            **_galpy_arguments(stream),
+            **_galpy_arguments(stream, compiled),
         )
 
 
@@ -140,7 +145,7 @@ def smooth_stream(stream: StreamModel) -> dict[str, Any]:
     """The attributes of `streamdash.engine.geometry.Geometry` that no impact time enters, by name."""
     from galpy.util import coords
 
-    smooth = galpy_stream(stream)
+    smooth = galpy_stream(stream, compiled=True)
     ell, b, dist = smooth._interpolatedObsTrackLB[:, :3].T
     ra, dec = coords.lb_to_radec(ell, b, degree=True).T
     rotation = np.array(stream_of(stream).frame.rotation)
@@ -173,7 +178,7 @@ def timed_part(stream: StreamModel, k: int | None) -> tuple[int | None, Any, flo
 
 def impact_nodes(stream: StreamModel, k: int) -> Nodes:
     """The nodes of impact time k."""
-    gap = galpy_gap(stream, stream.impact_times_gyr[k])
+    gap = galpy_gap(stream, stream.impact_times_gyr[k], compiled=True)
     row = gap._sigMeanSign * np.einsum(
         "f,nfv->nv", gap._dsigomeanProgDirection, gap._gap_alljacsTrack[:, :3, :]
     )
