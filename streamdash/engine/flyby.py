@@ -14,8 +14,8 @@ from pydantic import Field
 
 from streamdash.config import Accuracy, Config, Finite, Perturbers, Population
 from streamdash.engine.density import trace_back
-from streamdash.engine.galpy_streams import R0_KPC, V0_KMS, time_unit_gyr
-from streamdash.engine.geometry import LENGTH_THRESHOLD, TABLE_STEP, Geometry
+from streamdash.engine.galpy_streams import LENGTH_THRESHOLD, R0_KPC, V0_KMS, time_unit_gyr
+from streamdash.engine.geometry import TABLE_STEP, Geometry
 from streamdash.engine.impacts import COLUMNS, Impacts, check_impacts, sample_impacts
 from streamdash.engine.impulse import gravity, velocity_kick
 from streamdash.engine.kicks import kick_tables

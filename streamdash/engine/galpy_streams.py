@@ -10,6 +10,7 @@ import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import special
 
 from streamdash.stream_model import EquatorialProgenitor, LogarithmicHalo, SkyPlace, StreamModel
 from streamdash.streams import stream_of
@@ -18,6 +19,18 @@ R0_KPC = 8.0
 V0_KMS = 220.0
 TRACK_CHUNKS = 11
 """Nodes of today's track (galpy's ``nTrackChunks``), as in Bovy, Erkal & Sanders (2017)."""
+
+
+RADIUS_MIN_KPC, RADIUS_MAX_KPC = 0.4, 300.0
+"""An orbit that comes nearer to the centre or goes farther from it carries no thin stream."""
+LENGTH_THRESHOLD = 0.2
+"""The stream ends where its density is this fraction of that near the progenitor."""
+LENGTH_MIN = 0.05
+"""Shortest stream that is one (rad)."""
+
+
+class StreamError(ValueError):
+    """A model that is no stream; the message says why in one sentence, and what to change."""
 
 
 class Nodes(NamedTuple):
@@ -104,6 +117,43 @@ def progenitor_radius(stream: StreamModel, times_gyr: np.ndarray) -> np.ndarray:
     return R0_KPC * np.asarray(orbit.r(times, use_physical=False))
 
 
+def check_progenitor(stream: StreamModel) -> None:
+    """Refuse a progenitor whose orbit leaves no stream behind.
+
+    Raises
+    ------
+    StreamError
+        When it is unbound, plunges into the centre, or is younger than one radial period.
+    """
+    from galpy.potential import evaluatePotentials
+
+    orbit, potential = progenitor_orbit(stream), galpy_potential(stream)
+    times = np.linspace(0.0, -stream.age_gyr / time_unit_gyr(), 2001)
+    orbit.integrate(times, potential, method="dop853_c")
+    radius = R0_KPC * np.asarray(orbit.r(times))
+    speed = np.sqrt(orbit.vR() ** 2 + orbit.vT() ** 2 + orbit.vz() ** 2)
+    # A logarithmic potential has no escape speed, and is zero somewhere.
+    free = not isinstance(stream.potential, LogarithmicHalo) and (
+        0.5 * speed**2 + evaluatePotentials(potential, orbit.R(), orbit.z()) >= 0
+    )
+    if free or not radius.max() < RADIUS_MAX_KPC:
+        raise StreamError(
+            f"progenitor: it is not bound to the Galaxy (it reaches {radius.max():.0f} kpc within its "
+            f"{stream.age_gyr:g} Gyr, at {V0_KMS * speed:.0f} km/s today); give it less speed."
+        )
+    if radius.min() < RADIUS_MIN_KPC:
+        raise StreamError(
+            f"progenitor: it plunges to {radius.min():.2f} kpc from the centre, where a stream is torn "
+            f"apart; its orbit must stay beyond {RADIUS_MIN_KPC:g} kpc."
+        )
+    turns = np.count_nonzero(np.diff(np.sign(np.diff(radius))))
+    if turns < 2:
+        raise StreamError(
+            f"age_gyr: in {stream.age_gyr:g} Gyr the progenitor does not even oscillate once in radius, "
+            "so it has shed no stream; make it older."
+        )
+
+
 def galpy_stream(stream: StreamModel, compiled: bool = False):
     """The smooth `galpy.df.streamdf` of `stream`.
 
@@ -141,7 +191,12 @@ def galpy_gap(stream: StreamModel, time_gyr: float, compiled: bool = False, **im
         )
 
 
-def smooth_stream(stream: StreamModel) -> dict[str, Any]:
+def stream_length(mean_omega: float, sigma_omega: float, age: Any) -> Any:
+    """Length in rad of a stream of this age: density down to `LENGTH_THRESHOLD` of that at its start."""
+    return age * (mean_omega - sigma_omega * special.ndtri(LENGTH_THRESHOLD))
+
+
+def smooth_stream(stream: StreamModel) -> dict:
     """The attributes of `streamdash.engine.geometry.Geometry` that no impact time enters, by name."""
     from galpy.util import coords
 
@@ -151,6 +206,12 @@ def smooth_stream(stream: StreamModel) -> dict[str, Any]:
     rotation = np.array(stream_of(stream).frame.rotation)
     longitude, latitude = coords.radec_to_custom(ra, dec, T=rotation, degree=True).T
     longitude = np.rad2deg(np.unwrap(np.deg2rad(longitude)))
+    length = stream_length(smooth._meandO, np.sqrt(smooth._sortedSigOEig[2]), smooth._tdisrupt)
+    if length < LENGTH_MIN:
+        raise StreamError(
+            f"sigma_v_kms: with {stream.dispersion_kms:g} km/s the stream is only {length:.2g} rad long "
+            f"after {stream.age_gyr:g} Gyr; make the dispersion larger or the stream older."
+        )
     orbit = smooth._progenitor.orbit[0]
     middle = smooth._meandO * smooth._tdisrupt
     return {
@@ -172,6 +233,7 @@ def smooth_stream(stream: StreamModel) -> dict[str, Any]:
 def timed_part(stream: StreamModel, k: int | None) -> tuple[int | None, Any, float]:
     """Impact time k and its nodes, or None and the smooth stream; and the core seconds that took."""
     start = time.process_time()
+    check_progenitor(stream)
     part = smooth_stream(stream) if k is None else impact_nodes(stream, k)
     return k, part, time.process_time() - start
 

@@ -20,11 +20,16 @@ import xarray as xr
 from scipy import interpolate, special
 
 from streamdash.config import StreamModel
-from streamdash.engine.galpy_streams import R0_KPC, smooth_stream, time_unit_gyr
+from streamdash.engine.galpy_streams import (
+    R0_KPC,
+    StreamError,
+    check_progenitor,
+    smooth_stream,
+    stream_length,
+    time_unit_gyr,
+)
 from streamdash.streams import SkyFrame, stream_of
 
-LENGTH_THRESHOLD = 0.2
-"""The stream ends where its density is this fraction of that near the progenitor."""
 TABLE_STEP = 1e-3
 """Spacing in rad of the tables in which the track is looked up; linear interpolation
 between entries is then off by at most ~0.01 pc, far below the smallest subhalo."""
@@ -91,9 +96,7 @@ class Geometry:
         ρ̄(θ, T) depends on θ/T alone, so the length grows linearly with the time T since
         disruption began.
         """
-        return (self.t_disrupt - time) * (
-            self.mean_omega - self.sigma_omega * special.ndtri(LENGTH_THRESHOLD)
-        )
+        return stream_length(self.mean_omega, self.sigma_omega, self.t_disrupt - time)
 
     def smooth_density(self, theta: np.ndarray, time: np.ndarray | float = 0.0) -> np.ndarray:
         """Unperturbed density ρ̄(θ), 1 near the progenitor (BES17 eq. 9).
@@ -204,7 +207,10 @@ def smooth_geometry(stream: StreamModel) -> Geometry:
         When galpy cannot build a stream from this model.
     """
     try:
+        check_progenitor(stream)
         smooth = smooth_stream(stream)
+    except StreamError:
+        raise
     except (ValueError, RuntimeError, IndexError, FloatingPointError, np.linalg.LinAlgError) as error:
         raise unbuildable(error) from error
     times = np.array(stream.impact_times_gyr) / time_unit_gyr()

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from streamdash.config import StreamModel
-from streamdash.engine.galpy_streams import Nodes, time_unit_gyr, timed_part
+from streamdash.engine.galpy_streams import Nodes, StreamError, time_unit_gyr, timed_part
 from streamdash.engine.geometry import Geometry, unbuildable
 from streamdash.simulation.workers import WorkerError, results
 from streamdash.store.cache import BusyError, Cache, StoreError
@@ -136,6 +136,8 @@ def compute_geometry(
                         keep(k, new, seconds)
                 if progress is not None:
                     progress(len(nodes), n)
+    except StreamError:
+        raise
     except (ValueError, IndexError, FloatingPointError, np.linalg.LinAlgError) as error:
         raise unbuildable(error) from error
     except RuntimeError as error:
