@@ -210,6 +210,12 @@ def stream_text(model: StreamModel) -> str:
     return " · ".join(words)
 
 
+def longitude_symbol(coordinate: str) -> str:
+    """Symbol of the longitude of a stream's frame by its name, such as φ₁ for ``phi1``."""
+    frames = [stream.frame for stream in _named().values()]
+    return next((frame.longitude_symbol for frame in frames if frame.longitude == coordinate), coordinate)
+
+
 def _aged(model: StreamModel, age_gyr: float) -> StreamModel:
     values = model.model_dump() | {"age_gyr": age_gyr}
     if model.sigma_v_kms is not None:

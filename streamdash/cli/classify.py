@@ -8,14 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from streamdash.cli.common import (
+    ArmOption,
     CacheOption,
     InputError,
     JsonOption,
+    StreamOption,
     make_cache,
     print_json,
     progress_bar,
     wrong_input,
 )
+from streamdash.config import StreamModel
+from streamdash.streams import STREAM_NAMES, named_stream, stream_of, stream_text
 
 if TYPE_CHECKING:
     from streamdash.store.cache import Cache
@@ -26,7 +30,11 @@ def classify_command(
     mass: Annotated[
         str, typer.Option("--mass", help="Mass ranges to compare, 2 to 4, such as 1e3-1e5,1e5-1e9.")
     ] = "1e3-1e5,1e5-1e9",
-    coordinate: Annotated[Literal["ell", "phi1"] | None, typer.Option(help="What positions are.")] = None,
+    stream: StreamOption = None,
+    arm: ArmOption = None,
+    coordinate: Annotated[
+        Literal["ell", "phi1", "xi"] | None, typer.Option(help="What positions are.")
+    ] = None,
     position: Annotated[str | None, typer.Option(help="Column with the middle of the bins.")] = None,
     upper: Annotated[
         str | None, typer.Option(help="Column with their upper end; position is the lower.")
@@ -74,7 +82,8 @@ def classify_command(
         "constant": constant,
     }
     with wrong_input():
-        result, page = classify(_read(file), make_cache(cache), mass.split(","), changes)
+        model = named_stream(stream or STREAM_NAMES[0]).arm(arm)
+        result, page = classify(_read(file), make_cache(cache), mass.split(","), changes, model)
         if html is not None:
             _write(html, page())
     if as_json:
@@ -84,9 +93,13 @@ def classify_command(
 
 
 def classify(
-    data: bytes, cache: Cache, labels: list[str], changes: dict[str, Any]
+    data: bytes,
+    cache: Cache,
+    labels: list[str],
+    changes: dict[str, Any],
+    stream: StreamModel | None = None,
 ) -> tuple[dict[str, Any], Any]:
-    """Report on a table, and a function that makes its HTML.
+    """Report on a table of an arm of a stream, the default one if not given, and what makes its HTML.
 
     Raises
     ------
@@ -101,7 +114,7 @@ def classify(
     from streamdash.plots.report_html import report_html
     from streamdash.simulation.geometry import load_geometry
 
-    configs = [_find(cache, label.strip()) for label in labels]
+    configs = [_find(cache, label.strip(), stream or StreamModel()) for label in labels]
     table = read_table(data)
     assumptions = changed(guess(table), changes)
     observation = interpret(table, assumptions, load_geometry(configs[0].stream, cache))
@@ -111,8 +124,11 @@ def classify(
     return result, lambda: report_html(result, observation, prepared.bands())
 
 
-def _find(cache: Cache, label: str) -> Any:
-    """The complete ensemble of a mass range or cache key; of several, that of most streams."""
+def _find(cache: Cache, label: str, stream: StreamModel) -> Any:
+    """The complete ensemble of a stream and mass range, or of a cache key; of several, that of most streams.
+
+    Models of the stream that differ in age or another number are of that stream as well.
+    """
     from streamdash.config import mass_label, parse_mass_range
 
     complete = [e for e in cache.entries() if e.kind == "ensemble" and e.state == "complete"]
@@ -120,11 +136,16 @@ def _find(cache: Cache, label: str) -> Any:
         wanted = mass_label(parse_mass_range(label))
     except ValueError:
         wanted = label
-    found = [e for e in complete if e.config.population.label == wanted or e.key == label]
+    name, arm = stream_of(stream).name, stream.arm
+    there = [e for e in complete if (stream_of(e.config.stream).name, e.config.stream.arm) == (name, arm)]
+    found = [e for e in there if e.config.population.label == wanted] or [
+        e for e in complete if e.key == label
+    ]
     if not found:
-        known = ", ".join(sorted({e.config.population.label for e in complete})) or "none at all"
+        known = ", ".join(sorted({e.config.population.label for e in there})) or "none at all"
         raise InputError(
-            f"--mass: no complete ensemble of {label[:40]!r} is in the cache; there are {known}."
+            f"--mass: no complete ensemble of {label[:40]!r} for {stream_text(stream)} is in the cache; "
+            f"there are {known}."
         )
     return max(found, key=lambda e: e.config.n_streams).config
 

@@ -12,7 +12,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 
 import typer
 from rich.console import Console
@@ -27,6 +27,7 @@ from rich.progress import (
 from typer.core import TyperGroup
 
 from streamdash.config import ConfigError, EnsembleConfig
+from streamdash.streams import STREAM_NAMES, named_stream
 
 if TYPE_CHECKING:
     from streamdash.store.cache import Cache
@@ -47,6 +48,16 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of 
 ConfigOption = Annotated[
     Path | None,
     typer.Option("--config", metavar="JSON", help="Start from a config.json, or from a part of one."),
+]
+StreamOption = Annotated[
+    str | None,
+    typer.Option(
+        "--stream", metavar="NAME", show_default=STREAM_NAMES[0], help=f"One of {', '.join(STREAM_NAMES)}."
+    ),
+]
+ArmOption = Annotated[
+    Literal["leading", "trailing"] | None,
+    typer.Option("--arm", show_default="the stream's first", help="Arm of the stream."),
 ]
 
 messages = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -114,13 +125,17 @@ def print_json(value: Any) -> None:
     print(json.dumps(value, indent=1, default=str))
 
 
-def read_config(path: Path | None, changes: dict[str, Any]) -> EnsembleConfig:
+def read_config(
+    path: Path | None, changes: dict[str, Any], stream: str | None = None, arm: str | None = None
+) -> EnsembleConfig:
     """Configuration from a file and options; options that are None change nothing.
 
     Parameters
     ----------
     path : JSON of an EnsembleConfig, or of a part of it.
     changes : values by dotted name, such as ``{"perturbers.X": 5}``.
+    stream, arm : a named stream, in place of the file's, and one of its arms; the arm alone is that of
+        whatever stream there is. A named stream's dispersion follows its age unless both are changed.
 
     Raises
     ------
@@ -136,6 +151,11 @@ def read_config(path: Path | None, changes: dict[str, Any]) -> EnsembleConfig:
         except ValueError as error:
             raise InputError(f"{path} is not JSON ({error}).") from None
         EnsembleConfig.parse(data)
+    if stream is not None:
+        named, age = named_stream(stream), changes.get("stream.age_gyr")
+        data["stream"] = (named if age is None else named.at_age(age)).arm(arm).model_dump()
+    elif arm is not None:
+        changes = {**changes, "stream.arm": arm}
     for name, value in changes.items():
         *parents, last = name.split(".")
         if value is None:

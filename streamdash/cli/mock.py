@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
-from streamdash.cli.common import CacheOption, InputError, make_cache, messages, wrong_input
+from streamdash.cli.common import (
+    ArmOption,
+    CacheOption,
+    InputError,
+    StreamOption,
+    make_cache,
+    messages,
+    wrong_input,
+)
+from streamdash.streams import STREAM_NAMES, named_stream
 
 
 def mock_command(
@@ -18,7 +27,14 @@ def mock_command(
         Path | None, typer.Option("--truth", metavar="TRUTH.json", help="Where to write what it really is.")
     ] = None,
     number: Annotated[int, typer.Option("--number", min=0, max=10**9, help="Which of the streams.")] = 0,
-    coordinate: Annotated[Literal["phi1", "ell"], typer.Option(help="Coordinate of the bins.")] = "phi1",
+    stream: StreamOption = None,
+    arm: ArmOption = None,
+    coordinate: Annotated[
+        str | None,
+        typer.Option(
+            show_default="the stream's own longitude", help="Coordinate of the bins: ell, or phi1 or xi."
+        ),
+    ] = None,
     width: Annotated[float, typer.Option(min=0.1, max=8, help="Width of the bins (deg).")] = 2.0,
     error: Annotated[
         float, typer.Option(min=1e-3, max=1, help="Relative error of a bin of average density.")
@@ -30,7 +46,7 @@ def mock_command(
 
     Mock streams have a seed of their own: none of them is in an ensemble that is trained on.
     """
-    from streamdash.config import Perturbers, StreamModel
+    from streamdash.config import Perturbers
     from streamdash.simulation.geometry import load_geometry
     from streamdash.store.entry import write_file
     from streamdash.survey.mock import mock_bins, mock_observation
@@ -40,9 +56,11 @@ def mock_command(
             raise InputError(f"The folder of {path} does not exist; make it first.")
     with wrong_input():
         perturbers = Perturbers.parse({"mass_range": mass})
-        geometry = load_geometry(StreamModel(), make_cache(cache))
-        low, high = mock_bins(geometry, coordinate, width, tuple(gap or ()))
-        mock = mock_observation(geometry, perturbers, number, low, high, coordinate, error)
+        model = named_stream(stream or STREAM_NAMES[0]).arm(arm)
+        geometry = load_geometry(model, make_cache(cache))
+        where = coordinate or geometry.frame.longitude
+        low, high = mock_bins(geometry, where, width, tuple(gap or ()))
+        mock = mock_observation(geometry, perturbers, number, low, high, where, error, model)
     known = {
         "mass_range": perturbers.label,
         "n_impacts": mock.n_impacts,

@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from streamdash.cli.common import (
+    ArmOption,
     CacheOption,
     ConfigOption,
     InputError,
     JsonOption,
+    StreamOption,
     duration,
     make_cache,
     messages,
@@ -68,6 +70,7 @@ def simulate_command(
         str | None,
         typer.Option("--preset", metavar="NAME", help=f"Population with a name: {', '.join(PRESETS)}."),
     ] = None,
+    stream: StreamOption = None,
     streams: Annotated[int | None, typer.Option("--streams", "-n", help="How many streams.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")] = None,
     workers: Annotated[
@@ -98,7 +101,7 @@ def simulate_command(
     length_factor: Annotated[float | None, _knob("--length-factor", Perturbers, "length_factor")] = None,
     age: Annotated[float | None, _knob("--age", StreamModel, "age_gyr")] = None,
     sigma_v: Annotated[float | None, _knob("--sigma-v", StreamModel, "sigma_v_kms")] = None,
-    arm: Annotated[Literal["leading", "trailing"] | None, _knob("--arm", StreamModel, "arm")] = None,
+    arm: ArmOption = None,
     n_times: Annotated[int | None, _knob("--n-times", StreamModel, "n_times")] = None,
     times: Annotated[str | None, _knob("--times", StreamModel, "times_gyr", "T1,T2,…")] = None,
     flattening: Annotated[float | None, _knob("--q", LogarithmicHalo, "q")] = None,
@@ -146,7 +149,6 @@ def simulate_command(
             "perturbers.length_factor": length_factor,
             "stream.age_gyr": age,
             "stream.sigma_v_kms": sigma_v,
-            "stream.arm": arm,
             "stream.n_times": n_times,
             "stream.times_gyr": _numbers("--times", times),
             "stream.potential.q": flattening,
@@ -156,6 +158,8 @@ def simulate_command(
             "theta_max": theta_max,
             "n_theta": n_theta,
         },
+        stream,
+        arm,
     )
     where = make_cache(cache)
     if dry_run:

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from streamdash.cli.common import (
+    ArmOption,
     CacheOption,
     ConfigOption,
     InputError,
+    StreamOption,
     make_cache,
     progress_bar,
     read_config,
@@ -41,9 +43,17 @@ def stream_command(
         Literal["hernquist", "plummer"] | None,
         typer.Option("--profile", show_default="hernquist", help="Profile of the subhalos if not a column."),
     ] = None,
-    theta_min: Annotated[float | None, typer.Option(show_default="0.03", help="First angle, rad.")] = None,
-    theta_max: Annotated[float | None, typer.Option(show_default="0.987", help="Last angle, rad.")] = None,
-    n_theta: Annotated[int | None, typer.Option(show_default="400", help="Number of angles.")] = None,
+    theta_min: Annotated[
+        float | None, typer.Option(show_default="the stream's", help="First angle, rad.")
+    ] = None,
+    theta_max: Annotated[
+        float | None, typer.Option(show_default="the stream's", help="Last angle, rad.")
+    ] = None,
+    n_theta: Annotated[
+        int | None, typer.Option(show_default="the stream's", help="Number of angles.")
+    ] = None,
+    stream: StreamOption = None,
+    arm: ArmOption = None,
     config: ConfigOption = None,
     cache: CacheOption = None,
 ) -> None:
@@ -59,6 +69,8 @@ def stream_command(
             "theta_max": theta_max,
             "n_theta": n_theta,
         },
+        stream,
+        arm,
     )
     if not output.absolute().parent.is_dir():
         raise InputError(f"The folder of {output} does not exist; make it first.")

@@ -103,10 +103,10 @@ class CompiledIsochroneApprox(actionAngleIsochroneApprox):
         isochrone, n = self._aAI, len(points)
         found = np.empty((n, 9))
         for i, point in enumerate(points):
-            radial, normal, right, phi_falls = _along(
+            radial, terms, along, phi_falls = _along(
                 orbits.orbit[i], orbits.orbit[n + i], self._tsJ, isochrone.amp, isochrone.b
             )
-            angles, frequencies = np.linalg.solve(normal, right)[:2]
+            angles, frequencies = np.linalg.solve(terms.T @ terms, terms.T @ along)[:2]
             if phi_falls:
                 angles[1], frequencies[1] = -angles[1], -frequencies[1]
             found[i] = (radial[0], point[0] * point[2], radial[1], *frequencies, *(angles % TWO_PI))
@@ -173,7 +173,7 @@ def _isochrone(state, amp, b):
 
 @njit(cache=True)
 def _along(forth, back, times, amp, b):
-    """Mean actions along an orbit, and the normal equations of the fit to its angles.
+    """Mean actions along an orbit, its angles, and the terms that are fitted to them.
 
     Parameters
     ----------
@@ -183,8 +183,8 @@ def _along(forth, back, times, amp, b):
 
     Returns
     -------
-    (2,) mean radial and vertical action, (N_TERMS, N_TERMS) and (N_TERMS, 3) normal equations of the
-    angles r, φ, z, whether φ falls with time.
+    (2,) mean radial and vertical action, (2n - 1, N_TERMS) terms of the fit, (2n - 1, 3) angles r, φ, z
+    that it is made to, and whether φ falls with time.
     """
     n = len(times)
     size = 2 * n - 1
@@ -225,4 +225,4 @@ def _along(forth, back, times, amp, b):
         terms[i, 8], terms[i, 9] = s1 * d2 + c1 * t2, s1 * d2 - c1 * t2
         terms[i, 10], terms[i, 11] = s2 * d1 + c2 * t1, s2 * d1 - c2 * t1
         terms[i, 12], terms[i, 13] = s2 * d2 + c2 * t2, s2 * d2 - c2 * t2
-    return mean / weight, terms.T @ terms, terms.T @ angles, falls > 0
+    return mean / weight, terms, angles, falls > 0

@@ -25,7 +25,8 @@ def check_positions(x: np.ndarray, lines: np.ndarray, name: str) -> None:
         )
     if re.fullmatch(r"(ra|raj2000|rightascension|alpha)([_ ]?(deg|icrs|j2000))?", name.strip().lower()):
         raise ObservationError(
-            f"Column “{shown(name)}” is a right ascension; give Galactic longitude l or φ1 of GD-1 instead."
+            f"Column “{shown(name)}” is a right ascension; give Galactic longitude l or, as the stream has "
+            "it, φ1 or ξ instead."
         )
 
 

@@ -22,6 +22,9 @@ KINDS: dict[Kind, str] = {
     "detrended": "density already divided by its polynomial",
 }
 """What a value may be, in words."""
+Coordinate = Literal["ell", "phi1", "xi"]
+OWN: tuple[Coordinate, ...] = ("phi1", "xi")
+"""Longitudes of streams' own frames."""
 NOTHING = ""
 """Stands for no column, where None would leave things as they are; for no width it is 0."""
 DEFAULT_ORDER = 3
@@ -32,6 +35,7 @@ DEFAULT_ERROR = 0.1
 _POSITION = {
     "ell": ("l", "ell", "glon", "lgal", "gall", "galacticlongitude", "longitude", "ldeg", "elldeg"),
     "phi1": ("phi1", "φ1", "φ₁"),
+    "xi": ("xi", "ξ"),
 }
 _VALUE = {
     "q_rho": ("qrho", "qρ", "q", "ratio", "relativedensity"),
@@ -46,7 +50,7 @@ _ERROR = re.compile(r"^(e|err|error|sigma|sig|unc|uncertainty|std|d)[_ ]|err|sig
 class Assumptions(Config):
     """What the columns of a table mean, and what is done with them. Everything can be changed."""
 
-    coordinate: Literal["ell", "phi1"] = Field(description="what the positions are: l or φ1, in degrees")
+    coordinate: Coordinate = Field(description="what the positions are: l, φ1 or ξ, in degrees")
     position: str = Field(description="column with the middle of each bin, or its lower end")
     upper: str | None = Field(None, description="column with the upper end of each bin")
     width: Finite | None = Field(None, gt=0, le=50, description="width of bins (deg); None: their spacing")
@@ -105,13 +109,12 @@ def _plain(name: str) -> str:
     return "".join(c for c in name.lower() if c.isalnum())
 
 
-def _position(
-    table: Table, free: list[str], plain: dict[str, str]
-) -> tuple[str, Literal["ell", "phi1"], str | None]:
+def _position(table: Table, free: list[str], plain: dict[str, str]) -> tuple[str, Coordinate, str | None]:
     if table.header:
         for name in free:
-            if plain[name].startswith(_POSITION["phi1"]):
-                return name, "phi1", _upper(name, free, plain, "phi1")
+            for own in OWN:
+                if plain[name].startswith(_POSITION[own]):
+                    return name, own, _upper(name, free, plain, own)
             if plain[name] in _POSITION["ell"] or plain[name].startswith(("ell", "glon")):
                 return name, "ell", _upper(name, free, plain, "ell")
     x = table.column(free[0])

@@ -23,6 +23,7 @@ from streamdash.observe.checks import (
 from streamdash.observe.guess import KINDS, Assumptions, guess
 from streamdash.observe.table import ObservationError, Table, read_table, shown
 from streamdash.survey.design import AS_IS, FLOOR, Design, Quantity, polynomial_fit, smooth_curve, window
+from streamdash.survey.sky import coordinates
 
 MIN_BINS = 8
 """Fewest bins a profile must have within the simulated stretch."""
@@ -30,7 +31,7 @@ MAX_BINS = 400
 """Most bins: simulated profiles are known at no more angles."""
 GAP = 1.5
 """Neighbouring bins farther apart than this many usual spacings have a gap between them."""
-NAMES = {"ell": "Galactic longitude l", "phi1": "φ1 of GD-1"}
+NAMES = {"ell": "Galactic longitude l", "phi1": "φ1 of GD-1", "xi": "ξ from the progenitor"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +95,12 @@ def interpret(table: Table, assumptions: Assumptions, geometry: Geometry) -> Obs
     """
     a = assumptions
     notes: list[str] = []
+    along = coordinates(geometry)
+    if a.coordinate not in along:
+        raise ObservationError(
+            f"Column “{shown(a.position)}” is taken to be {NAMES[a.coordinate]}, which this stream does not "
+            f"have; give {NAMES[along[0]]} or {NAMES[along[1]]}, or choose the stream that was measured."
+        )
     limits = window(geometry, a.coordinate)
     rows = _rising(table, a.position)
     low, high = _bins(table, a, rows, limits, notes)

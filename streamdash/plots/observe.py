@@ -12,7 +12,8 @@ from streamdash.naming import class_colour
 from streamdash.observe.observation import Observation
 from streamdash.plots.elements import error_bars, framed, hover_spans, level_lines, nice_top, points
 from streamdash.plots.live import Backend, use
-from streamdash.plots.style import COORDINATE_LABELS, INK
+from streamdash.plots.style import INK, coordinate_label
+from streamdash.streams import longitude_symbol
 
 TOP = 6.0
 """Highest value shown, in units of the smooth curve."""
@@ -44,7 +45,7 @@ def draw(
     if backend == "bokeh":
         parts.append(_hover(observation, bands))
     x = (float(design.low[0]), float(design.high[-1]))
-    label = COORDINATE_LABELS[design.coordinate]
+    label = coordinate_label(design.coordinate)
     return framed(parts, label, value_label(observation), x, _y_frame(observation, bands), backend)
 
 
@@ -76,7 +77,7 @@ def sentence(observation: Observation, bands: np.ndarray | None, names: Sequence
     """What the figure shows now, in words."""
     design, q = observation.design, observation.q
     lowest, highest = int(np.argmin(q)), int(np.argmax(q))
-    where = {"ell": "ℓ", "phi1": "φ₁"}[design.coordinate]
+    where = "ℓ" if design.coordinate == "ell" else longitude_symbol(design.coordinate)
     words = (
         f"{design.n_bin} measured bins, from {q[lowest]:.2f} ± {design.sigma[lowest]:.2f} at {where} = "
         f"{design.centers[lowest]:.1f}° to {q[highest]:.2f} ± {design.sigma[highest]:.2f} at "

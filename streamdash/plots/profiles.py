@@ -16,8 +16,9 @@ import pandas as pd
 from streamdash.config import EnsembleConfig
 from streamdash.naming import class_colour, class_labels, class_names
 from streamdash.plots.live import TOOLS, Backend, area_columns, use
-from streamdash.plots.style import COORDINATE_LABELS, INK, rising_alpha
+from streamdash.plots.style import INK, coordinate_label, rising_alpha
 from streamdash.store.cache import Cache
+from streamdash.streams import longitude_symbol
 from streamdash.survey.bands import Bands, compute, read_profiles
 
 QUANTITY_LABELS = {
@@ -50,7 +51,7 @@ def profiles_figure(
     quantity
         ``q_rho``, ``rho`` or ``omega``.
     coordinate
-        ``theta``, ``ell`` or ``phi1``.
+        ``theta``, ``ell`` or the longitude of the stream's frame, such as ``phi1``.
     noise
         Shot noise σ_ε per 0.2° bin; it does not act on ``omega``.
     highlight, seed
@@ -142,7 +143,7 @@ def _styles(panel: Bands, backend: Backend, title: str) -> dict[str, dict]:
     shades = {"cmap": rising_alpha(), "clim": (0, 255)}
     left, low, right, high = panel.extent
     frame: dict[str, Any] = {
-        "xlabel": COORDINATE_LABELS[panel.coordinate],
+        "xlabel": coordinate_label(panel.coordinate),
         "ylabel": QUANTITY_LABELS[panel.quantity],
         "xlim": (left, right),
         "ylim": (low, high),
@@ -157,7 +158,7 @@ def _styles(panel: Bands, backend: Backend, title: str) -> dict[str, dict]:
             MEDIAN: {"color": ink, "linewidth": 1.6},
             "frame": {**frame, "title": title, "fig_inches": 5, "aspect": 1.8},
         }
-    where = (COORDINATE_LABELS[panel.coordinate], f"@{{{panel.coordinate}}}{{0.00}}")
+    where = (coordinate_label(panel.coordinate), f"@{{{panel.coordinate}}}{{0.00}}")
     value = f"@{{{panel.quantity}}}{{0.000}}"
     return {
         STREAMS: shades,
@@ -190,14 +191,13 @@ def _styles(panel: Bands, backend: Backend, title: str) -> dict[str, dict]:
 
 def table(panels: Sequence[Bands]) -> pd.DataFrame:
     """The numbers of a figure: per class and bin the quantiles, the smooth stream, the highlights."""
-    units = {"theta": "theta_rad", "ell": "ell_deg", "phi1": "phi1_deg"}
     parts = []
     masses = class_names([panel.config for panel in panels])
     for panel, mass in zip(panels, masses, strict=True):
         part = {
             "model": f"M{panel.index}",
             "mass_range_msun": mass,
-            units[panel.coordinate]: panel.x,
+            f"{panel.coordinate}_{'rad' if panel.coordinate == 'theta' else 'deg'}": panel.x,
             "smooth": panel.smooth,
             "quantile_16": panel.low,
             "median": panel.median,
@@ -219,7 +219,8 @@ def sentence(panels: Sequence[Bands]) -> str:
         "rho": "density ρ",
         "omega": "mean parallel frequency ⟨Ω∥⟩",
     }
-    axes = {"ell": "Galactic longitude ℓ", "theta": "parallel angle θ∥", "phi1": "GD-1 longitude φ₁"}
+    axes = {"ell": "Galactic longitude ℓ", "theta": "parallel angle θ∥"}
+    own = f"longitude {longitude_symbol(first.coordinate)} of the stream's own frame"
     noise = (
         f" with shot noise σ_ε = {first.noise:g} per 0.2° bin"
         if first.quantity != "omega"
@@ -232,7 +233,7 @@ def sentence(panels: Sequence[Bands]) -> str:
         widths.append(f"{name}: ±{half:.2g}{unit}")
     chosen = f" Coloured: {len(first.streams)} random streams of each class." if len(first.streams) else ""
     return (
-        f"The {quantities[first.quantity]} along {axes[first.coordinate]}{noise}. "
+        f"The {quantities[first.quantity]} along {axes.get(first.coordinate, own)}{noise}. "
         f"Half-width of the band that holds 68 % of the streams, averaged along the stream: "
         f"{'; '.join(widths)}.{chosen}"
     )

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from streamdash.streams import longitude_symbol
+
 INK = {"light": "#1f2328", "dark": "#e6e8eb"}
 """Colour of medians and reference lines on a light and on a dark page."""
 
 COORDINATE_LABELS = {"theta": "θ∥ (rad)", "ell": "ℓ (deg)", "phi1": "φ₁ (deg)"}
-"""Axis labels of the three coordinates along the stream."""
+"""Axis labels of the three coordinates along the default stream."""
+
+
+def coordinate_label(coordinate: str) -> str:
+    """Axis label of a coordinate along any stream."""
+    return COORDINATE_LABELS.get(coordinate) or f"{longitude_symbol(coordinate)} (deg)"
 
 
 def rising_alpha(colour: str = "#808080", highest: float = 0.9, steps: int = 64) -> list[str]:

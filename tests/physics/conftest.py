@@ -12,7 +12,7 @@ from streamdash.engine.geometry import smooth_geometry
 @pytest.fixture(scope="session")
 def smooth_of_today():
     """The default stream as galpy computes it here: our smooth geometry of it, and galpy's object."""
-    return smooth_geometry(StreamModel()), galpy_stream(StreamModel())
+    return smooth_geometry(StreamModel()), galpy_stream(StreamModel(), compiled=True)
 
 
 @pytest.fixture(scope="session")

@@ -140,7 +140,7 @@ def test_a_model_that_galpy_cannot_build_fails_in_a_sentence(start):
     key = jobs.submit(EnsembleConfig(stream=unbound, n_streams=1), "me")
     status = jobs.wait(key, 120)
     assert status.state == "failed"
-    assert "check progenitor, potential, age_gyr and sigma_v_kms" in status.error
+    assert "progenitor: it is not bound to the Galaxy" in status.error
 
 
 # ------------------------------------------------------------------ limits
