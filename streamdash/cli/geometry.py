@@ -1,0 +1,58 @@
+"""``streamdash geometry``: the geometry of a named stream, computed once and kept in the cache."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated
+
+import typer
+
+from streamdash.cli.common import (
+    ArmOption,
+    CacheOption,
+    JsonOption,
+    StreamOption,
+    duration,
+    make_cache,
+    print_json,
+    progress_bar,
+    wrong_input,
+)
+from streamdash.streams import STREAM_NAMES, named_stream, stream_text
+
+
+def geometry_command(
+    stream: StreamOption = None,
+    arm: ArmOption = None,
+    age: Annotated[
+        float | None, typer.Option("--age", show_default="the stream's own", help="Age of the stream, Gyr.")
+    ] = None,
+    n_times: Annotated[
+        int | None, typer.Option("--n-times", show_default="64", help="Impact times; 8 make a coarse preview.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", "-w", min=1, help="Worker processes; one per core by default.")
+    ] = None,
+    cache: CacheOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Compute what an arm of a stream looks like at its impact times, and keep it in the cache.
+
+    Simulations do so by themselves when they need it. What is finished is kept: after Ctrl-C the same
+    command goes on where it ended.
+    """
+    from streamdash.config import StreamModel
+    from streamdash.simulation.geometry import load_geometry
+
+    named = named_stream(stream or STREAM_NAMES[0])
+    model = (named if age is None else named.at_age(age)).arm(arm)
+    if n_times is not None:
+        model = StreamModel.parse(model.model_dump() | {"n_times": n_times})
+    start = time.perf_counter()
+    with progress_bar() as titled, wrong_input():
+        geometry = load_geometry(model, make_cache(cache), workers, titled("Geometry of the stream"))
+    took = time.perf_counter() - start
+    if as_json:
+        print_json({"key": model.key, "length_rad": geometry.length, "seconds": took})
+    else:
+        print(f"{stream_text(model)}: {geometry.length:.3f} rad long, {len(geometry.times)} times ({duration(took)}).")
