@@ -28,7 +28,8 @@ def geometry_command(
         float | None, typer.Option("--age", show_default="the stream's own", help="Age of the stream, Gyr.")
     ] = None,
     n_times: Annotated[
-        int | None, typer.Option("--n-times", show_default="64", help="Impact times; 8 make a coarse preview.")
+        int | None,
+        typer.Option("--n-times", show_default="64", help="Impact times; 8 make a coarse preview."),
     ] = None,
     workers: Annotated[
         int | None, typer.Option("--workers", "-w", min=1, help="Worker processes; one per core by default.")
@@ -55,4 +56,5 @@ def geometry_command(
     if as_json:
         print_json({"key": model.key, "length_rad": geometry.length, "seconds": took})
     else:
-        print(f"{stream_text(model)}: {geometry.length:.3f} rad long, {len(geometry.times)} times ({duration(took)}).")
+        found = f"{geometry.length:.3f} rad long, {len(geometry.times)} impact times"
+        print(f"{stream_text(model)}: {found} ({duration(took)}).")

@@ -11,6 +11,7 @@ from streamdash.cli.cache import cache_app
 from streamdash.cli.classify import classify_command
 from streamdash.cli.common import OneSentence
 from streamdash.cli.convergence import convergence_command
+from streamdash.cli.geometry import geometry_command
 from streamdash.cli.mock import mock_command
 from streamdash.cli.reproduce import reproduce_command
 from streamdash.cli.serve import serve_command
@@ -23,6 +24,7 @@ app.command("simulate")(simulate_command)
 app.command("reproduce")(reproduce_command)
 app.command("convergence")(convergence_command)
 app.command("stream")(stream_command)
+app.command("geometry")(geometry_command)
 app.command("classify")(classify_command)
 app.command("mock")(mock_command)
 app.add_typer(cache_app, name="cache")

@@ -37,7 +37,7 @@ N_TERMS = 14
 TWO_PI = 2 * math.pi
 
 
-class CompiledIsochroneApprox(actionAngleIsochroneApprox):
+class CompiledIsochroneApprox(actionAngleIsochroneApprox):  # type: ignore[misc]
     """`galpy.actionAngle.actionAngleIsochroneApprox` for axisymmetric potentials, several times as fast.
 
     What it is called with by galpy's streams is computed here; anything else is left to galpy.
@@ -113,7 +113,7 @@ class CompiledIsochroneApprox(actionAngleIsochroneApprox):
         return found
 
 
-def _point(args: tuple) -> np.ndarray | None:
+def _point(args: tuple[Any, ...]) -> np.ndarray | None:
     """The one phase-space point that is asked for, or None."""
     if len(args) == 6 and all(np.ndim(value) == 0 for value in args):
         return np.array(args, dtype=float)
@@ -124,7 +124,7 @@ def _point(args: tuple) -> np.ndarray | None:
 
 
 @njit(cache=True)
-def _isochrone(state, amp, b):
+def _isochrone(state: np.ndarray, amp: float, b: float) -> tuple[float, float, float, float, float]:
     """Radial and vertical action and the angles r, φ, z of a point in an isochrone potential.
 
     Same formulas as ``galpy.actionAngle.actionAngleIsochrone`` (Binney & Tremaine 2008, §3.5.2).
@@ -172,7 +172,9 @@ def _isochrone(state, amp, b):
 
 
 @njit(cache=True)
-def _along(forth, back, times, amp, b):
+def _along(
+    forth: np.ndarray, back: np.ndarray, times: np.ndarray, amp: float, b: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
     """Mean actions along an orbit, its angles, and the terms that are fitted to them.
 
     Parameters

@@ -48,7 +48,7 @@ def time_unit_gyr() -> float:
     return float(conversion.time_in_Gyr(V0_KMS, R0_KPC))
 
 
-def _galpy_arguments(stream: StreamModel, compiled: bool) -> dict:
+def _galpy_arguments(stream: StreamModel, compiled: bool) -> dict[str, Any]:
     """Keyword arguments that galpy's stream classes share, units natural."""
     from galpy.actionAngle import actionAngleIsochroneApprox
 
@@ -154,7 +154,7 @@ def check_progenitor(stream: StreamModel) -> None:
         )
 
 
-def galpy_stream(stream: StreamModel, compiled: bool = False):
+def galpy_stream(stream: StreamModel, compiled: bool = False) -> Any:
     """The smooth `galpy.df.streamdf` of `stream`.
 
     Parameters
@@ -170,7 +170,7 @@ def galpy_stream(stream: StreamModel, compiled: bool = False):
     return smooth
 
 
-def galpy_gap(stream: StreamModel, time_gyr: float, compiled: bool = False, **impact):
+def galpy_gap(stream: StreamModel, time_gyr: float, compiled: bool = False, **impact: Any) -> Any:
     """The `galpy.df.streamgapdf` of `stream` with one impact at `time_gyr`.
 
     With no further arguments only its geometry is set up; `impact` takes galpy's
@@ -196,7 +196,7 @@ def stream_length(mean_omega: float, sigma_omega: float, age: Any) -> Any:
     return age * (mean_omega - sigma_omega * special.ndtri(LENGTH_THRESHOLD))
 
 
-def smooth_stream(stream: StreamModel) -> dict:
+def smooth_stream(stream: StreamModel) -> dict[str, Any]:
     """The attributes of `streamdash.engine.geometry.Geometry` that no impact time enters, by name."""
     from galpy.util import coords
 
