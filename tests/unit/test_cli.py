@@ -57,6 +57,12 @@ def geometry(geometry_cache):
         (["--mass", "1e3-1e5", "--times", "3,2"], "times_gyr must increase"),
         (["--mass", "1e3-1e5", "--times", "3;2"], "--times: '3;2' is not a list of numbers"),
         (["--mass", "1e3-1e5", "--progenitor", "1,2"], "stream.progenitor"),
+        (["--mass", "1e3-1e5", "--stream", "gd2"], "stream: 'gd2' is none of gd1-like, gd1, pal5"),
+        (
+            ["--mass", "1e3-1e5", "--stream", "gd1-like", "--arm", "trailing"],
+            "arm: gd1-like has a leading arm",
+        ),
+        (["--mass", "1e3-1e5", "--stream", "pal5", "--age", "99"], "age_gyr"),
         (["--mass", "1e3-1e5", "--theta-min", "0.99"], "theta_min must be smaller than theta_max"),
         (["--mass", "1e3-1e5", "--config", "nowhere.json"], "nowhere.json cannot be read"),
         (["--mass", "1e3-1e5", "--strems", "3"], "--strems"),
