@@ -103,7 +103,7 @@ def _stream(entries: Sequence[Any]) -> Stream:
     model = ordered[0].config.stream
     choices: list[Choice] = []
     for entry in ordered:
-        plain = entry.config.population.label
+        plain = entry.config.population.label.replace("+", "_")  # a plus means a space in links
         taken = any(choice.token == plain for choice in choices)
         token = f"{plain}~{entry.key[:8]}" if taken or differences(entry.config) else plain
         label = entry_label(entry)

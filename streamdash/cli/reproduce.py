@@ -79,6 +79,7 @@ def reproduce_command(
         numbers, markdown = kept_by_statistics(where, configs)
         print(f"\n{markdown}", end="")
         keep(folder, {"statistics.json": numbers, "statistics.md": markdown})
+        print(f"\n{reproduce_full_range(where, folder, figures)}", end="")
     if text is not None:
         from streamdash.paper.differences import differences
 
@@ -107,6 +108,25 @@ def kept_by_statistics(cache: Cache, configs: Mapping[str, EnsembleConfig]) -> t
         streams = ObservedStreams.read(cache, [configs[label] for label in labels])
         found.append(statistics_numbers(compare_statistics(streams, NOISE), labels, NOISE))
     return found, "\n".join(statistics_markdown(numbers) for numbers in found)
+
+
+def reproduce_full_range(cache: Cache, folder: Path | None, figures: Path | None) -> str:
+    """The paper's extension to the full range as Markdown, its files written; or which streams it lacks."""
+    from streamdash.paper.full_range import full_range_markdown, full_range_results
+    from streamdash.store.cache import StoreError
+
+    try:
+        results = full_range_results(cache)
+    except StoreError as error:
+        return f"{error}\n"
+    markdown = full_range_markdown(results)
+    keep(folder, {"full_range.json": results, "full_range.md": markdown})
+    if figures is not None:
+        from streamdash.plots.paper import save_full_range
+
+        for path in save_full_range(results, figures):
+            messages.print(f"{path}", markup=False)
+    return markdown
 
 
 def keep(folder: Path | None, files: Mapping[str, Any]) -> None:

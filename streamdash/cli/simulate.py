@@ -28,7 +28,7 @@ from streamdash.cli.common import (
     wrong_input,
 )
 from streamdash.config import Config, EnsembleConfig, LogarithmicHalo, Perturbers, Population, StreamModel
-from streamdash.populations import PRESETS, component_text, parse_component
+from streamdash.populations import PRESETS, component_text, parse_component, title_of
 from streamdash.populations import preset as named_preset
 
 if TYPE_CHECKING:
@@ -225,6 +225,7 @@ def _simulate(
                 progress=titled(f"Streams {config.population.label}"),
                 should_stop=asked.is_set,
                 geometry_progress=titled("Geometry of the stream"),
+                title=title_of(config.population) if len(config.population.components) > 1 else "",
             )
     except WorkerError as error:
         if not asked.is_set():  # else a worker that Ctrl-C reached all the same

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import holoviews as hv
 
 from streamdash.naming import class_labels
 from streamdash.paper.evidence import NOISE, THREE_CLASSES, TWO_CLASSES
 from streamdash.plots import convergence, evidence, pdf, profiles, spectrum
+from streamdash.plots.full_range import draw_full_range
 from streamdash.plots.live import use
 from streamdash.statistics.evidence import PAPER_N_BINS, PAPER_RULES, Comparison, compare
 from streamdash.store.cache import Cache, StoreError
@@ -69,6 +71,11 @@ def save_appendix_figures(
         else:
             paths += _save(figure, folder / f"appendixA{number}")
     return paths, lacking
+
+
+def save_full_range(results: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Draw what `streamdash.paper.full_range.full_range_results` found: ``full_range.png`` and ``.svg``."""
+    return _save(draw_full_range(results, "matplotlib"), folder / "full_range")
 
 
 def figure_1(cache: Cache, sample: ObservedStreams) -> hv.Layout:
