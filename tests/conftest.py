@@ -75,7 +75,7 @@ def small_cache(shipped_cache, tmp_path_factory) -> Path:
     shutil.copytree(shipped_cache / "geometries", root / "geometries")
     shipped, cache = Cache.default(shipped_cache), Cache.default(root)
     for entry in shipped.entries():
-        if entry.kind == "ensemble" and entry.config.perturbers.label in ("1e3-1e5", "1e5-1e9"):
+        if entry.kind == "ensemble" and entry.config.population.label in ("1e3-1e5", "1e5-1e9"):
             data = shipped.open_ensemble(entry.config)
             config = entry.config.model_copy(update={"n_streams": 2 * CHUNK})
             with cache.begin(config, data[["smooth", "omega_smooth"]]) as writer:

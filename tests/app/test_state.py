@@ -24,7 +24,7 @@ def entry(config: EnsembleConfig, state: str = "complete", reason: str = "") -> 
     return Entry(
         kind="ensemble",
         key=config.key,
-        label=config.perturbers.label,
+        label=config.population.label,
         path=Path(config.key),
         state=state,
         reason=reason,

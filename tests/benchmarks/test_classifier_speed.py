@@ -16,7 +16,7 @@ PREDICTION_S = 0.020
 @pytest.fixture(scope="module")
 def streams(shipped_cache):
     cache = Cache.default(shipped_cache)
-    keys = {entry.config.perturbers.label: entry.key for entry in cache.entries() if entry.kind == "ensemble"}
+    keys = {entry.config.population.label: entry.key for entry in cache.entries() if entry.kind == "ensemble"}
     return ObservedStreams.read(cache, [keys[label] for label in PAPER_CLASSES[3]])
 
 

@@ -37,7 +37,7 @@ def shipped(shipped_cache):
     """Configuration and Dataset of each shipped ensemble by its mass range."""
     cache = Cache((shipped_cache,))
     configs = [entry.config for entry in cache.entries(("ensembles",))]
-    return {config.perturbers.label: (config, cache.open_ensemble(config)) for config in configs}
+    return {config.population.label: (config, cache.open_ensemble(config)) for config in configs}
 
 
 def test_all_shipped_ensembles_are_compared_here(shipped):

@@ -16,7 +16,7 @@ NOISE = 0.1
 @pytest.fixture(scope="module")
 def streams(shipped_cache):
     cache = Cache.default(shipped_cache)
-    keys = {entry.config.perturbers.label: entry.key for entry in cache.entries() if entry.kind == "ensemble"}
+    keys = {entry.config.population.label: entry.key for entry in cache.entries() if entry.kind == "ensemble"}
     return {
         n: ObservedStreams.read(cache, [keys[label] for label in labels])
         for n, labels in PAPER_CLASSES.items()

@@ -277,7 +277,7 @@ def test_who_waits_for_another_sees_its_progress_and_can_stop(config, geometry_c
 def command(config: EnsembleConfig, cache: Cache, n_streams: int) -> list[str]:
     """Command line of a simulation like `config`, of `n_streams` streams."""
     return [
-        *(sys.executable, "-m", "streamdash.cli.main", "simulate", "--mass", config.perturbers.label),
+        *(sys.executable, "-m", "streamdash.cli.main", "simulate", "--mass", config.population.label),
         *("--streams", str(n_streams), "--n-theta", str(config.n_theta)),
         *("--workers", "2", "--cache", str(cache.roots[0])),
     ]

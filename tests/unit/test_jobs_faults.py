@@ -162,7 +162,7 @@ def test_two_servers_and_the_command_line_on_one_cache_in_an_odd_place(
     root = tmp_path / "Ölüm yıldızı 'İ' \n $HOME"
     shutil.copytree(geometry_root, root)
     cache = Cache.default(root)
-    command = ["--mass", config.perturbers.label, "--streams", config.n_streams, "--n-theta", config.n_theta]
+    command = ["--mass", config.population.label, "--streams", config.n_streams, "--n-theta", config.n_theta]
     program = [sys.executable, "-m", "streamdash.cli.main", "simulate"]
     line = [*program, *command, "--workers", 2, "--cache", root]
     both = [server(cache) for _ in range(2)]

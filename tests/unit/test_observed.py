@@ -46,7 +46,7 @@ def two(shipped) -> ObservedStreams:
 
 def in_order(cache: Cache) -> list[EnsembleConfig]:
     found = [entry.config for entry in cache.entries() if entry.kind == "ensemble"]
-    return sorted(found, key=lambda config: config.perturbers.mass_range)
+    return sorted(found, key=lambda config: config.population.mass_range)
 
 
 # ------------------------------------------------------------------ designs

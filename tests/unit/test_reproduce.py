@@ -129,7 +129,7 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(shipped_cache, tmp_path, c
 
 def test_the_largest_ensemble_of_a_range_is_used(cache):
     entries = find_entries(cache, TWO_CLASSES)
-    assert [entry.config.perturbers.label for entry in entries] == list(TWO_CLASSES)
+    assert [entry.config.population.label for entry in entries] == list(TWO_CLASSES)
     with pytest.raises(StoreError, match="1e2-1e4"):
         find_entries(cache, ["1e2-1e4"])
 

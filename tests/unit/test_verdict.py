@@ -44,7 +44,7 @@ def cache(shipped_cache) -> Cache:
 
 @pytest.fixture(scope="module")
 def configs(cache):
-    found = {e.config.perturbers.label: e.config for e in cache.entries() if e.kind == "ensemble"}
+    found = {e.config.population.label: e.config for e in cache.entries() if e.kind == "ensemble"}
     return [found[label] for label in LABELS]
 
 
