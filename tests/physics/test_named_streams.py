@@ -22,7 +22,7 @@ from streamdash.survey import sky
 from streamdash.survey.design import default_design, published_design
 from tests.physics.test_kicks import hit_galpys, one
 
-ARMS = [("gd1", "leading"), ("gd1", "trailing"), ("pal5", "trailing")]
+ARMS = [("gd1", "leading"), ("gd1", "trailing"), ("pal5", "trailing"), ("pal5", "leading")]
 
 
 @pytest.fixture(scope="session")
@@ -46,6 +46,7 @@ def galpys():
         ("gd1", "leading", -40.0, -99.5),
         ("gd1", "trailing", -40.0, 15.0),
         ("pal5", "trailing", -0.2, 28.4),
+        ("pal5", "leading", 0.2, -19.1),
     ],
 )
 def test_arms_reach_from_and_to_the_published_longitudes(shipped, name, arm, first, last):
@@ -54,7 +55,7 @@ def test_arms_reach_from_and_to_the_published_longitudes(shipped, name, arm, fir
     assert ends == pytest.approx([first, last], abs=0.5 if name == "gd1" else 0.06)
 
 
-@pytest.mark.parametrize(("arm", "degrees"), [("trailing", 35.5)])
+@pytest.mark.parametrize(("arm", "degrees"), [("trailing", 35.5), ("leading", 57.3)])
 def test_palomar_5_is_as_long_along_its_track_as_published(shipped, arm, degrees):
     """As galpy measures it: a degree of Galactic longitude counts in full at any latitude."""
     geometry = shipped("pal5", arm)
@@ -135,7 +136,7 @@ def test_one_impact_equals_galpys_gap(shipped, name, arm):
 # --- arms -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["gd1"])
+@pytest.mark.parametrize("name", ["gd1", "pal5"])
 def test_one_population_hits_both_arms_alike(shipped, name):
     """The rate is the population's; arms differ by their length and width, which are nearly the same."""
     leading, trailing = (
