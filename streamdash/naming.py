@@ -158,6 +158,7 @@ WORDS: Mapping[str, Callable[[Any], str]] = {
     "perturbers.rs_factor": lambda value: f"r_s × {_number(value)}",
     "perturbers.sigma_h": lambda value: f"σ_h = {_number(value)} km/s",
     "perturbers.length_factor": lambda value: f"length × {_number(value)}",
+    "perturbers.width_floor": lambda value: "without the width floor" if not value else "width floor",
     "n_streams": lambda value: f"{value} streams",
     "seed": lambda value: f"seed {value}",
 }

@@ -43,6 +43,11 @@ class Perturbers(Config):
     length_factor: Finite = Field(
         1.0, ge=0.1, le=1.4, description="impacts reach out to this times the stream's length"
     )
+    width_floor: bool = Field(
+        True,
+        description="count impacts as galpy and the paper do, as if none passed within less than half the "
+        "stream's width; without it small subhalos are as many as X says",
+    )
 
     @field_validator("mass_range", mode="before")
     @classmethod
@@ -62,11 +67,12 @@ class Perturbers(Config):
         return value
 
     @model_serializer(mode="wrap")
-    def _without_half_mode_mass(self, handler: Any) -> dict[str, Any]:
-        """Keys of entries that are older than the field hold: it is written only where it is given."""
+    def _without_newer_fields(self, handler: Any) -> dict[str, Any]:
+        """Keys of entries that are older than a field hold: it is written only where it is given."""
         data = handler(self)
-        if self.half_mode_mass is None:
-            data.pop("half_mode_mass", None)
+        for name, default in (("half_mode_mass", None), ("width_floor", True)):
+            if getattr(self, name) == default:
+                data.pop(name, None)
         return data
 
     @property

@@ -33,6 +33,7 @@ COMPONENT_WORDS = {
     "profile": "profile",
     "sigma": "sigma_h",
     "length": "length_factor",
+    "floor": "width_floor",
 }
 """Fields of a component by their short names in commands and links; ``m_wdm`` (keV) stands for ``mhm``."""
 LOW, HIGH = (1e3, 1e5), (1e5, 1e9)

@@ -44,6 +44,20 @@ def test_rate_equals_galpys_encounters_summed_over_decades(smooth_of_today):
     assert expected_impacts(geometry, perturbers) == pytest.approx(total, rel=1e-10)
 
 
+def test_without_the_width_floor_b_max_is_x_scale_radii(geometry):
+    """The floor is galpy's: half the stream's width. Without it the count is in proportion to X."""
+    assert 0.5 * geometry.width * geometry.mean_radius * R0_KPC == pytest.approx(0.0479, rel=0.01)
+    light = [Perturbers(mass_range="1e3-1e5", X=x, width_floor=False) for x in (1.0, 5.0)]
+    one, five = (expected_impacts(geometry, perturbers) for perturbers in light)
+    assert five == pytest.approx(5 * one)
+    assert five == pytest.approx(569.8, rel=1e-3)
+    assert expected_impacts(geometry, Perturbers(mass_range="1e3-1e5", X=1.0)) > 4 * one
+    heavy = Perturbers(mass_range="1e5-1e9")
+    assert expected_impacts(geometry, heavy) == expected_impacts(
+        geometry, heavy.model_copy(update={"width_floor": False})
+    )
+
+
 def test_rate_scales_with_its_factors(geometry):
     base = expected_impacts(geometry, Perturbers())
     assert expected_impacts(geometry, Perturbers(rate_factor=3)) == pytest.approx(3 * base)

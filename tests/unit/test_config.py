@@ -102,6 +102,7 @@ OTHER_VALUES = {
         "rs_factor": 2.0,
         "sigma_h": 100.0,
         "length_factor": 1.2,
+        "width_floor": False,
     },
     Population: {"components": (Perturbers(), Perturbers(mass_range=(1e3, 1e5)))},
     Accuracy: {
