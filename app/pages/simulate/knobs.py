@@ -45,6 +45,8 @@ class Knob:
     def options(self) -> tuple[str, ...]:
         """The words allowed; empty for a knob that is a number or a list."""
         kind = self._field.annotation
+        if kind is bool:
+            return ("yes", "no")
         return get_args(kind) if get_origin(kind) is Literal else ()
 
     @property
@@ -156,6 +158,14 @@ KNOBS = tuple(
             "Length hit",
             "× stream",
             "Impacts reach out to this times the stream's length.",
+            SUBHALOS,
+        ),
+        (
+            "sim_floor",
+            "perturbers.width_floor",
+            "Count to half the stream's width",
+            "",
+            "As galpy and the paper count impacts. No: as many as the largest impact parameter says.",
             SUBHALOS,
         ),
         ("sim_age", "stream.age_gyr", "Age", "Gyr", "Time since the progenitor began to disrupt.", STREAM),
@@ -291,6 +301,8 @@ def text_of(config: EnsembleConfig, knob: Knob) -> str:
         value = getattr(value, part)
     if value is None:
         return ""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if knob.name == "sim_mass":
         return mass_label(value)
     if isinstance(value, tuple):
