@@ -39,7 +39,6 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
                 "probability": float(verdict.probability[c]),
                 "interval": [float(verdict.low[c]), float(verdict.high[c])],
                 "interval_models": [float(verdict.models_low[c]), float(verdict.models_high[c])],
-                "interval_noise": [float(verdict.noise_low[c]), float(verdict.noise_high[c])],
                 "ln_bayes": float(evidence.ln_bayes[c]),
                 "ln_bayes_error": float(evidence.error[c]),
             }

@@ -36,8 +36,6 @@ from streamdash.survey.observed import ObservedStreams
 
 N_MODELS = 8
 """Models trained on resampled streams; their spread is part of the uncertainty."""
-N_DRAWS = 50
-"""Times the stream behind the profile is observed anew; the spread is the other part."""
 BAND = (0.16, 0.84)
 """Ends of the interval that is quoted for a probability (68 %)."""
 
@@ -96,9 +94,9 @@ class Verdict:
     probability : ndarray (n_classes,)
         Calibrated; classes are taken to be equally likely beforehand.
     low, high : ndarray (n_classes,)
-        68 % of the members' answers to the same stream observed again and again.
-    models_low, models_high, noise_low, noise_high : ndarray (n_classes,)
-        The same over members alone (profile as measured), and over noise alone (mean of members).
+        68 % of the answers to the same stream observed again (`streamdash.observe.replicas`).
+    models_low, models_high : ndarray (n_classes,)
+        68 % of the members' answers to the profile as measured.
     resemblance : Resemblance
     evidence : PdfEvidence
     judged : Judged
@@ -111,8 +109,6 @@ class Verdict:
     high: np.ndarray
     models_low: np.ndarray
     models_high: np.ndarray
-    noise_low: np.ndarray
-    noise_high: np.ndarray
     resemblance: Resemblance
     evidence: PdfEvidence
     judged: Judged
@@ -181,7 +177,14 @@ def learn(
     likeness = learn_likeness(streams, design.sigma, smooth, known, sets.test, settings.seed)
     pdfs = learn_pdfs(streams.observed(design.sigma), streams.y, design.sigma, known, sets.test)
     steps.done(4 + N_MODELS)
-    replicas = learn_replicas(divided(streams.clean[known], design.fit), streams.y[known], design.sigma)
+    alike = _as_many_of_each(sets.test, streams.y)
+    replicas = learn_replicas(
+        lambda q: np.mean([model.predict_proba(q) for model in models], axis=0),
+        streams.clean[alike],
+        design.sigma,
+        design.fit,
+        settings.seed,
+    )
     committee = _committee(judged, models, streams.observed(design.sigma)[sets.test])
     return Prepared(
         design, streams, divided(smooth, design.fit), tuple(models), committee, likeness, pdfs, replicas
@@ -202,13 +205,11 @@ def judge(prepared: Prepared, observation: Observation) -> Verdict:
     q = observation.q.astype(np.float32)
     as_measured = prepared.answers(q)
     answer = as_measured.mean(axis=0)
-    within_errors = prepared.answers(prepared.replicas(q, answer, N_DRAWS))
     return Verdict(
         prepared.streams.labels,
         answer,
-        *_band(within_errors.reshape(-1, len(answer)), answer),
+        *_band(prepared.replicas(answer), answer),
         *_band(as_measured, answer),
-        *_band(within_errors.mean(axis=0), answer),
         resemblance=prepared.likeness(q[None])[0],
         evidence=prepared.pdfs(q),
         judged=prepared.judged,
@@ -219,6 +220,12 @@ def _band(samples: np.ndarray, answer: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """Ends of the quoted interval; the answer itself is always inside."""
     low, high = np.quantile(samples, BAND, axis=0)
     return np.minimum(low, answer), np.maximum(high, answer)
+
+
+def _as_many_of_each(rows: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The first rows of each class, as many as the smallest class has."""
+    parts = [rows[y[rows] == c] for c in range(int(y.max()) + 1)]
+    return np.concatenate([part[: min(map(len, parts))] for part in parts])
 
 
 def _committee(judged: Judged, models: Sequence[Classifier], held_out: np.ndarray) -> Judged:
