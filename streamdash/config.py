@@ -14,6 +14,7 @@ from typing import Any, Self
 from pydantic import Field, model_serializer, model_validator
 
 from streamdash.population import Perturbers, Population, mass_label, parse_mass_range
+from streamdash.prior import Prior
 from streamdash.stream_model import (
     EquatorialProgenitor,
     GalacticProgenitor,
@@ -36,6 +37,7 @@ __all__ = [
     "MWPotential2014",
     "Perturbers",
     "Population",
+    "Prior",
     "SpectraConfig",
     "StreamModel",
     "mass_label",
@@ -84,6 +86,9 @@ class EnsembleConfig(Config):
 
     stream: StreamModel = StreamModel()
     population: Population = Population()
+    prior: Prior | None = Field(
+        None, description="ranges that every stream's own population is drawn from; replaces population"
+    )
     n_streams: int = Field(1000, ge=1, le=1_000_000)
     seed: int = Field(0, ge=0, le=2**63 - 1)
     theta_min: Finite = Field(0.03, gt=0, le=3, description="first parallel angle, rad")
@@ -104,9 +109,30 @@ class EnsembleConfig(Config):
         given = {name: value for name, value in data.items() if name != "perturbers"}
         return given | {"population": _population_of_one(data["perturbers"])}
 
+    @model_validator(mode="before")
+    @classmethod
+    def _read_prior(cls, data: Any) -> Any:
+        prior = data.get("prior") if isinstance(data, dict) else None
+        if prior is None:
+            return data
+        if "population" in data or "perturbers" in data:
+            raise ConfigError("prior: leave population and perturbers out where a prior is given.")
+        if isinstance(prior, dict):
+            try:
+                prior = Prior.parse(prior)
+            except ConfigError as error:
+                raise ConfigError(f"prior.{error}") from None
+        if not isinstance(prior, Prior):
+            return data  # the field's own check says so
+        return {**data, "prior": prior.simulated, "population": prior.typical}
+
     @model_serializer(mode="wrap")
     def _write_perturbers(self, handler: Any) -> dict[str, Any]:
         data = handler(self)
+        if self.prior is not None:
+            data.pop("population", None)  # it follows from the prior
+            return data
+        data.pop("prior", None)  # keys of entries that are older than the field hold
         if "population" in data and len(self.population.components) == 1:
             data["perturbers"] = data.pop("population").get("components", [{}])[0]
         return data
@@ -140,6 +166,11 @@ class EnsembleConfig(Config):
         if len(self.population.components) > 1:
             raise ConfigError(f"perturbers: this population has several components, {self.population.label}.")
         return self.population.components[0]
+
+    @property
+    def label(self) -> str:
+        """The masses as text, for file names; of a prior, that it is one."""
+        return self.population.label if self.prior is None else self.prior.label
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """As pydantic's; ``perturbers`` in `update` is short for a population of one component."""

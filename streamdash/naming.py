@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from streamdash.config import Config, EnsembleConfig, Population, mass_label, parse_mass_range
+from streamdash.config import Config, EnsembleConfig, Population, Prior, mass_label, parse_mass_range
 
 CLASS_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 """Okabe & Ito's colour-blind-safe blue, vermilion, green and purple: models M0, M1, M2, M3."""
@@ -121,6 +121,8 @@ def _words(config: EnsembleConfig) -> Iterator[tuple[tuple[str, int], str]]:
     plain = dict(_leaves(EnsembleConfig(stream=config.stream)))
     components = config.population.components
     for (path, number), value in _leaves(config):
+        if config.prior is not None and path.startswith("perturbers."):
+            continue  # of a typical stream; every one has its own
         if path != "perturbers.mass_range" and value != plain.get((path, 0)):
             say = WORDS.get(path)
             words = say(value) if say else f"{path.rpartition('.')[2]} {_number(value)}"
@@ -134,6 +136,8 @@ def _leaves(config: Config, above: str = "", number: int = 0) -> Iterator[tuple[
         if isinstance(value, Population):
             for i, component in enumerate(value.components):
                 yield from _leaves(component, f"{above}perturbers.", i)
+        elif isinstance(value, Prior):
+            yield (above + name, number), value.label
         elif isinstance(value, Config):
             yield from _leaves(value, f"{above}{name}.", number)
         else:
@@ -159,6 +163,7 @@ WORDS: Mapping[str, Callable[[Any], str]] = {
     "perturbers.sigma_h": lambda value: f"σ_h = {_number(value)} km/s",
     "perturbers.length_factor": lambda value: f"length × {_number(value)}",
     "perturbers.width_floor": lambda value: "without the width floor" if not value else "width floor",
+    "prior": lambda value: "every stream with a population of its own",
     "n_streams": lambda value: f"{value} streams",
     "seed": lambda value: f"seed {value}",
 }

@@ -222,7 +222,7 @@ def _simulate(
                 executor,
                 workers,
                 cache,
-                progress=titled(f"Streams {config.population.label}"),
+                progress=titled(f"Streams {config.label}"),
                 should_stop=asked.is_set,
                 geometry_progress=titled("Geometry of the stream"),
                 title=title_of(config.population) if len(config.population.components) > 1 else "",

@@ -17,6 +17,7 @@ from functools import lru_cache
 
 import joblib
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from streamdash.config import EnsembleConfig, StreamModel
@@ -210,14 +211,29 @@ def background(geometry: Geometry, config: EnsembleConfig) -> xr.Dataset:
 
 def stream_rng(config: EnsembleConfig, i: int) -> np.random.Generator:
     """Random generator of stream `i`, the same whatever `n_streams`, angles and accuracy are."""
-    keys = config.stream.key + config.population.key
+    drawn = config.population if config.prior is None else config.prior
+    keys = config.stream.key + drawn.key
     words = [int(keys[j : j + 8], 16) for j in range(0, len(keys), 8)]
     return np.random.default_rng(np.random.SeedSequence([config.seed, *words], spawn_key=(i,)))
 
 
+def stream_parameters(config: EnsembleConfig) -> pd.DataFrame:
+    """Parameters of every stream of an ensemble with a prior, a column for each that is open.
+
+    They are drawn again, from the generators that the streams themselves were drawn with.
+    """
+    assert config.prior is not None
+    rows = [config.prior.draw(stream_rng(config, i)) for i in range(config.n_streams)]
+    return pd.DataFrame(rows, columns=list(config.prior.names))
+
+
 def compute_stream(geometry: Geometry, config: EnsembleConfig, i: int) -> tuple[np.ndarray, np.ndarray, int]:
     """Density, mean frequency (n_theta,) and number of impacts of stream `i`."""
-    impacts = sample_impacts(geometry, config.population, stream_rng(config, i))
+    rng = stream_rng(config, i)
+    population = config.population
+    if config.prior is not None:
+        population = config.prior.population(config.prior.draw(rng))
+    impacts = sample_impacts(geometry, population, rng)
     density, omega = stream_profile(geometry, impacts, theta_grid(config), config.accuracy)
     return density, omega, len(impacts)
 

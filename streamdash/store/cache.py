@@ -243,7 +243,7 @@ class Cache:
             When the cache cannot be written to.
         """
         root = self._writable()
-        path = root / "ensembles" / f"{config.population.label}-{config.key}"
+        path = root / "ensembles" / f"{config.label}-{config.key}"
         lock = _lock(root, config.key, timeout)
         try:
             with explained(root):

@@ -35,7 +35,7 @@ def label_of(config: Config) -> str:
     if isinstance(config, SpectraConfig):
         return spectra_label(config)
     assert isinstance(config, EnsembleConfig)
-    return config.population.label
+    return config.label
 
 
 def geometry_label(stream: StreamModel) -> str:
@@ -51,4 +51,4 @@ def geometry_label(stream: StreamModel) -> str:
 def spectra_label(config: SpectraConfig) -> str:
     """How people recognise spectra, for example ``1e3-1e5-32times-1000streams``."""
     n_times = len(config.ensemble.stream.impact_times_gyr)
-    return f"{config.ensemble.population.label}-{n_times}times-{config.n_streams}streams"
+    return f"{config.ensemble.label}-{n_times}times-{config.n_streams}streams"

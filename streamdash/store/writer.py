@@ -110,7 +110,7 @@ def continue_ensemble(
     title : name for people, kept by an entry that has none.
     """
     header = encode_ensemble_header(config, background)
-    fresh = new_manifest("ensembles", config, config.population.label, header, title=title)
+    fresh = new_manifest("ensembles", config, config.label, header, title=title)
     manifest = None
     if path.exists():
         try:
@@ -132,7 +132,7 @@ def continue_ensemble(
 def siblings(folders: Iterable[Path], config: EnsembleConfig) -> Iterator[Path]:
     """Entries whose configuration differs from `config` in its number of streams only."""
     for path in folders:
-        if not path.name.startswith(f"{config.population.label}-") or SET_ASIDE in path.name:
+        if not path.name.startswith(f"{config.label}-") or SET_ASIDE in path.name:
             continue
         with contextlib.suppress(OSError, ConfigError):
             other = EnsembleConfig.parse((path / "config.json").read_bytes())

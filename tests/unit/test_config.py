@@ -21,13 +21,14 @@ from streamdash.config import (
     LogarithmicHalo,
     Perturbers,
     Population,
+    Prior,
     StreamModel,
     mass_label,
     parse_mass_range,
 )
 from streamdash.population import DECADES_MAX, MASS_MAX, MASS_MIN
 
-CLASSES = [LogarithmicHalo, StreamModel, Perturbers, Population, Accuracy, EnsembleConfig]
+CLASSES = [LogarithmicHalo, StreamModel, Perturbers, Population, Prior, Accuracy, EnsembleConfig]
 
 FULL = EnsembleConfig(
     stream=StreamModel(arm="trailing", times_gyr=(0.5, 2.25, 8.0), sigma_v_kms=0.3),
@@ -105,6 +106,20 @@ OTHER_VALUES = {
         "width_floor": False,
     },
     Population: {"components": (Perturbers(), Perturbers(mass_range=(1e3, 1e5)))},
+    Prior: {
+        "mass_range": (1e5, 1e9),
+        "cluster_range": (1e2, 1e5),
+        "log10_rate": (-2.0, 1.0),
+        "log10_half_mode_mass": (5.0, 9.0),
+        "log10_excess": (-1.0, 1.0),
+        "log10_rs_factor": (-0.4, 0.4),
+        "slope": (-2.1, -1.7),
+        "X": 3.0,
+        "ages_gyr": (3.0, 5.0),
+        "background": 0.1,
+        "background_deg": 10.0,
+        "noise_factor": (0.8, 1.2),
+    },
     Accuracy: {
         "frequency_step": 0.1,
         "frequency_tolerance": 0.2,
@@ -114,6 +129,7 @@ OTHER_VALUES = {
     EnsembleConfig: {
         "stream": StreamModel(n_times=32),
         "population": Population(components=(Perturbers(X=3.0),)),
+        "prior": Prior(),
         "n_streams": 10,
         "seed": 1,
         "theta_min": 0.04,
