@@ -138,9 +138,7 @@ def _find(cache: Cache, label: str, stream: StreamModel) -> Any:
         wanted = label
     name, arm = stream_of(stream).name, stream.arm
     there = [e for e in complete if (stream_of(e.config.stream).name, e.config.stream.arm) == (name, arm)]
-    found = [e for e in there if e.config.label == wanted] or [
-        e for e in complete if e.key == label
-    ]
+    found = [e for e in there if e.config.label == wanted] or [e for e in complete if e.key == label]
     if not found:
         known = ", ".join(sorted({e.config.label for e in there})) or "none at all"
         raise InputError(
