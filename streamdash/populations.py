@@ -66,6 +66,11 @@ def wdm_mass(half_mode_mass_msun: float) -> float:
     return (half_mode_mass_msun / _mass_of_1_kev()) ** (1 / (3 * WDM_SLOPE))
 
 
+def _short(mass: float) -> float:
+    """A half-mode mass to four digits, which people can read and write."""
+    return float(f"{mass:.4g}")
+
+
 def _mass_of_1_kev() -> float:
     wavelength = 2 * math.pi * WDM_SCALE_MPC * (2 ** (WDM_NU / 5) - 1) ** (-1 / (2 * WDM_NU))
     return 4 / 3 * math.pi * WDM_DENSITY * (wavelength / 2) ** 3
@@ -85,7 +90,7 @@ def with_excess(excess: float) -> Population:
 
 def warm(m_wdm_kev: float) -> Population:
     """Warm dark matter of thermal relics, 10³–10⁹ M☉."""
-    mass = half_mode_mass(m_wdm_kev)
+    mass = _short(half_mode_mass(m_wdm_kev))
     return Population(
         components=tuple(Perturbers(mass_range=masses, half_mode_mass=mass) for masses in (LOW, HIGH))
     )
@@ -120,7 +125,7 @@ def parse_component(text: str) -> Perturbers:
         word, equals, value = (piece.strip() for piece in part.partition("="))
         try:
             if word == "m_wdm" and equals:
-                word, value = "mhm", str(half_mode_mass(float(value)))
+                word, value = "mhm", str(_short(half_mode_mass(float(value))))
         except ConfigError as error:
             raise ConfigError(f"{shown}: {error}") from None
         except ValueError:

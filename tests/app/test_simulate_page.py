@@ -69,7 +69,7 @@ def follow(page, seconds: float = 120) -> list[JobStatus]:
 def test_every_field_of_perturbers_and_stream_has_a_knob_and_defaults_make_the_default():
     fields = {f"perturbers.{name}" for name in Perturbers.model_fields}
     fields |= {f"stream.{name}" for name in CONFIG.stream.__class__.model_fields} - {"stream.potential"}
-    assert fields | {"stream.potential.q", "n_streams", "seed"} == {knob.path for knob in KNOBS}
+    assert fields | {"population", "stream.potential.q", "n_streams", "seed"} == {knob.path for knob in KNOBS}
     assert config_of({knob.name: knob.default for knob in KNOBS}) == EnsembleConfig()
     assert all(knob.help and knob.label for knob in KNOBS)
 
@@ -151,6 +151,64 @@ def test_every_page_shows_or_says_what_it_can_do_with_a_single_ensemble(open_own
     if shell.page is None:
         (refusal,) = shell.slots[key]
         assert "two mass ranges" in refusal[0].object or "2 to 4 classes" in refusal[0].object
+
+
+# ------------------------------------------------------------------ components
+
+MIXED = "?page=simulate&sim_n=60&sim_mass=1e7-1e8&sim_more=1e3-1e5,rate%3D3%3B1e6-1e7,profile%3Dplummer"
+
+
+def rows(page) -> list[str]:
+    return [row[0].object for row in page.components.rows]
+
+
+def press(page, row: int, words: str) -> None:
+    (button,) = [part for part in page.components.rows[row] if getattr(part, "label", "") == words]
+    button.param.trigger("clicks")
+
+
+def test_components_of_a_link_are_rows_with_their_impacts(own, open_own):
+    page = open_own(MIXED).page
+    parts = page.config.population.components
+    assert [part.label for part in parts] == ["1e3-1e5", "1e6-1e7", "1e7-1e8"]
+    assert (parts[0].rate_factor, parts[1].profile) == (3.0, "plummer")
+    assert rows(page) == ["10³–10⁵ M☉, rate × 3", "10⁶–10⁷ M☉, Plummer spheres", "10⁷–10⁸ M☉"]
+    geometry = own.geometry(page.config.stream)
+    for part, row in zip(parts, page.components.rows, strict=True):
+        assert row[1].object == f"{expected_impacts(geometry, part):.4g} impacts a stream"
+    total = expected_impacts(geometry, page.config.population)
+    assert page.progress.text.text.startswith(f"{total:.4g} impacts are expected")
+
+
+def test_components_are_edited_copied_and_removed_by_their_buttons(open_own):
+    page = open_own(MIXED).page
+    before = page.config
+    press(page, 0, "Edit")
+    assert page.config == before
+    assert (page.session.sim_mass, page.session.sim_rate) == ("1e3-1e5", "3")
+    assert page.session.sim_more == "1e6-1e7,profile=plummer; 1e7-1e8"
+    page.session.sim_rate = "2"
+    assert page.config.population.components[0].rate_factor == 2.0
+    press(page, 0, "Copy")
+    assert [part.label for part in page.config.population.components][:2] == ["1e3-1e5", "1e3-1e5"]
+    assert "1e3-1e5 and 1e3-1e5 overlap in mass" in page.components.note.object
+    for _ in range(3):
+        press(page, 0, "Remove")
+    assert [part.label for part in page.config.population.components] == ["1e7-1e8"]
+    assert page.session.sim_more == ""
+    assert len(page.components.rows) == 1
+    assert page.components.note.object == ""
+
+
+def test_components_that_cannot_be_used_are_refused_in_a_sentence(open_own):
+    page = open_own().page
+    page.session.sim_more = "1e3-1e5,speed=3"
+    assert page.config is None
+    assert "Further components: component" in page.progress.problem[0][0].object
+    page.session.sim_more = ";".join(["1e3-1e5"] * 8)
+    assert "at most 8 components, this one 9" in page.progress.problem[0][0].object
+    shell = open_own(HERE + "&sim_more=many")
+    assert "sim_more=many" in shell.session.problems[0]
 
 
 # ------------------------------------------------------------------ the job

@@ -12,6 +12,7 @@ import xarray as xr
 from app.services.services import Services, Unavailable
 from streamdash.config import EnsembleConfig
 from streamdash.engine.geometry import Geometry
+from streamdash.engine.impacts import expected_impacts
 from streamdash.simulation.jobs import JobStatus
 from streamdash.simulation.preview import Preview, expectation, preview
 from streamdash.simulation.workers import in_process
@@ -34,6 +35,7 @@ class Outlook:
     n_done : streams of its own entry that are finished.
     covering : entry that holds all its streams already.
     finished : finished streams, at most `SHOWN_MAX`; None when there are none.
+    impacts : expected per stream of every component; empty when the geometry is not there.
     """
 
     config: EnsembleConfig
@@ -42,6 +44,7 @@ class Outlook:
     n_done: int
     covering: Entry | None
     finished: xr.Dataset | None
+    impacts: tuple[float, ...] = ()
 
 
 def look_ahead(services: Services, config: EnsembleConfig) -> Outlook:
@@ -75,6 +78,7 @@ def look_ahead(services: Services, config: EnsembleConfig) -> Outlook:
         cache.streams_done(config),
         covering,
         finished,
+        tuple(expected_impacts(geometry, part) for part in config.population.components) if geometry else (),
     )
 
 

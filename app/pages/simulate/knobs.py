@@ -10,7 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_origin
 
-from streamdash.config import Config, ConfigError, EnsembleConfig, Perturbers, mass_label
+from streamdash.config import Config, ConfigError, EnsembleConfig, Perturbers, Population, mass_label
+from streamdash.populations import PRESETS as POPULATIONS
+from streamdash.populations import component_text, parse_component
 from streamdash.simulation.limits import Limits
 
 _DEFAULT = EnsembleConfig()
@@ -76,6 +78,8 @@ class Knob:
         return model.model_fields[last]
 
 
+MORE = "sim_more"
+"""Name of the knob that holds all components but one."""
 SUBHALOS, STREAM, SAMPLE = "Perturbers", "Stream model", "How many"
 KNOBS = tuple(
     Knob(*row)
@@ -168,6 +172,14 @@ KNOBS = tuple(
             "As galpy and the paper count impacts. No: as many as the largest impact parameter says.",
             SUBHALOS,
         ),
+        (
+            "sim_more",
+            "population",
+            "Further components",
+            "",
+            "Other perturbers that hit the same stream, as 1e3-1e5,rate=3; a semicolon between them.",
+            SUBHALOS,
+        ),
         ("sim_age", "stream.age_gyr", "Age", "Gyr", "Time since the progenitor began to disrupt.", STREAM),
         (
             "sim_sigma_v",
@@ -238,20 +250,6 @@ KNOBS = tuple(
 )
 BY_NAME = {knob.name: knob for knob in KNOBS}
 
-PRESETS: dict[str, dict[str, str]] = {
-    "10³–10⁵ M☉ (paper)": {"sim_mass": "1e3-1e5"},
-    "10⁵–10⁹ M☉ (paper)": {"sim_mass": "1e5-1e9"},
-    "10⁵–10⁷ M☉ (paper)": {"sim_mass": "1e5-1e7"},
-    "10⁷–10⁹ M☉ (paper)": {"sim_mass": "1e7-1e9"},
-    "Warm dark matter: cutoff 10⁷ M☉": {"sim_mass": "1e5-1e9", "sim_cutoff": "1e7"},
-    "Three times as many": {"sim_mass": "1e5-1e9", "sim_rate": "3"},
-    # The same impact parameters in kpc although Plummer's scale radius is larger.
-    "Plummer spheres": {"sim_mass": "1e5-1e9", "sim_profile": "plummer", "sim_X": f"{5 * 1.05 / 1.62:.4g}"},
-    "Age 4.5 Gyr": {"sim_mass": "1e5-1e9", "sim_age": "4.5"},
-    "Trailing arm": {"sim_mass": "1e5-1e9", "sim_arm": "trailing"},
-}
-"""Values that differ from the defaults, by name; they say nothing about how many streams."""
-
 
 def config_of(values: Mapping[str, str]) -> EnsembleConfig:
     """The configuration that texts of knobs make; knobs that are not named have their defaults.
@@ -262,14 +260,21 @@ def config_of(values: Mapping[str, str]) -> EnsembleConfig:
         In one sentence that begins with the knob's label.
     """
     data: dict[str, Any] = {}
+    further = _components(values.get(MORE, ""))
     for name, text in values.items():
+        if name == MORE:
+            continue
         *parents, last = BY_NAME[name].path.split(".")
         place = data
         for parent in parents:
             place = place.setdefault(parent, {})
         place[last] = _value(BY_NAME[name], text.strip())
     try:
-        return EnsembleConfig.parse(data)
+        config = EnsembleConfig.parse(data)
+        if not further:
+            return config
+        population = Population(components=(config.perturbers, *further))
+        return config.model_copy(update={"population": population})
     except ConfigError as error:
         raise ConfigError(_labelled(str(error))) from None
 
@@ -294,11 +299,21 @@ def check(knob: Knob, text: str) -> str:
     return text.strip()
 
 
-def text_of(config: EnsembleConfig, knob: Knob) -> str:
-    """A configuration's value as the text of a knob; `config_of` reads it back."""
+def text_of(config: EnsembleConfig, knob: Knob, component: int = 0) -> str:
+    """A configuration's value as the text of a knob; `config_of` reads it back.
+
+    The knobs of perturbers tell of one component of its population, `MORE` of all others.
+    """
+    parts = config.population.components
+    if knob.name == MORE:
+        return "; ".join(component_text(part) for i, part in enumerate(parts) if i != component)
     value: Any = config
-    for part in knob.path.split("."):
-        value = getattr(value, part)
+    path = knob.path.split(".")
+    if path[0] == "perturbers":
+        value = parts[component]
+        path = path[1:]
+    for part in path:
+        value = getattr(value, part, None)  # not every potential is flattened
     if value is None:
         return ""
     if isinstance(value, bool):
@@ -310,9 +325,30 @@ def text_of(config: EnsembleConfig, knob: Knob) -> str:
     return _number(value) if isinstance(value, float) else str(value)
 
 
-def texts_of(config: EnsembleConfig) -> dict[str, str]:
-    """All knobs' texts for a configuration."""
-    return {knob.name: text_of(config, knob) for knob in KNOBS}
+def texts_of(config: EnsembleConfig, component: int = 0) -> dict[str, str]:
+    """All knobs' texts for a configuration, those of perturbers for one component of its population."""
+    return {knob.name: text_of(config, knob, component) for knob in KNOBS}
+
+
+def told_by_knobs(config: EnsembleConfig) -> bool:
+    """Whether the knobs can say all that a configuration says."""
+    try:
+        return config_of(texts_of(config)) == config
+    except ConfigError:
+        return False
+
+
+def place_of(values: Mapping[str, str], config: EnsembleConfig) -> int:
+    """Which component of a configuration the knobs of perturbers tell of."""
+    alone = config_of({**values, MORE: ""})
+    return config.population.components.index(alone.perturbers)
+
+
+def _components(text: str) -> list[Perturbers]:
+    try:
+        return [parse_component(part) for part in text.split(";") if part.strip()]
+    except ConfigError as error:
+        raise ConfigError(f"{BY_NAME[MORE].label}: {error}") from None
 
 
 def _number(value: float) -> str:
@@ -339,3 +375,20 @@ def _labelled(sentence: str) -> str:
             return f"{knob.label}: {sentence.partition(': ')[2]}"
     words = sentence.partition("configuration: ")[2]  # what several fields have to do with one another
     return f"{STREAM}: {words}" if words else sentence
+
+
+def _population_texts(population: Population) -> dict[str, str]:
+    config = EnsembleConfig(population=population)
+    texts = {knob.name: text_of(config, knob) for knob in KNOBS if knob.group == SUBHALOS}
+    return {name: text for name, text in texts.items() if name == "sim_mass" or text != BY_NAME[name].default}
+
+
+PRESETS: dict[str, dict[str, str]] = {
+    **{one.title: _population_texts(one.population) for one in POPULATIONS.values()},
+    "Three times as many": {"sim_mass": "1e5-1e9", "sim_rate": "3"},
+    # The same impact parameters in kpc although Plummer's scale radius is larger.
+    "Plummer spheres": {"sim_mass": "1e5-1e9", "sim_profile": "plummer", "sim_X": f"{5 * 1.05 / 1.62:.4g}"},
+    "Age 4.5 Gyr": {"sim_mass": "1e5-1e9", "sim_age": "4.5"},
+    "Trailing arm": {"sim_mass": "1e5-1e9", "sim_arm": "trailing"},
+}
+"""Values that differ from the defaults, by name; they say nothing about how many streams."""

@@ -13,8 +13,8 @@ from panel.viewable import Viewable
 from app import ui
 from app.page import Page
 from app.pages.simulate.forecast import Outlook, look_ahead, n_workers, panel_of, words_before, words_curves
-from app.pages.simulate.knobs import BY_NAME, config_of, texts_of
-from app.pages.simulate.parts import Others, Progress, knobs, presets
+from app.pages.simulate.knobs import BY_NAME, config_of, place_of, texts_of
+from app.pages.simulate.parts import Components, Others, Progress, knobs, presets
 from app.services.later import REST_S, Later
 from app.services.services import Unavailable
 from app.session.catalog import CLASSES_MAX
@@ -55,6 +55,7 @@ class SimulatePage(Page):
         self._seen = -1
         self._timer: Any = None
         self.later = Later(self.services, self._show_outlook, self._fail)
+        self.components = Components(lambda texts: self.session.param.update(**texts))
         self.progress = Progress(self.start, self.cancel, self.see_profiles)
         self.others = Others(self.show)
         self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
@@ -73,7 +74,12 @@ class SimulatePage(Page):
             pn.state.onload(self._look_on)
             self.services.jobs.prepare()
         return ui.page_layout(
-            presets(self), knobs(self), self.progress.view, self.card.view, self.others.view
+            presets(self),
+            self.components.view,
+            knobs(self),
+            self.progress.view,
+            self.card.view,
+            self.others.view,
         )
 
     def update(self, changed: frozenset[str]) -> None:
@@ -178,7 +184,9 @@ class SimulatePage(Page):
     def _read(self) -> None:
         """Take the knobs' texts over."""
         try:
-            self.config = config_of({name: getattr(self.session, name) for name in BY_NAME})
+            texts = {name: getattr(self.session, name) for name in BY_NAME}
+            self.config = config_of(texts)
+            self.components.show(self.config, place_of(texts, self.config))
         except ConfigError as error:
             self.config = None
             self.later.cancel()
@@ -201,6 +209,8 @@ class SimulatePage(Page):
         self._waiting = False
         self._drawn = time.monotonic()
         self.outlook = outlook
+        if outlook.config == self.config:
+            self.components.expect(outlook.impacts)
         status = self._status()
         if status is None or status.state == "done":
             can = outlook.covering is None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import html
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import panel as pn
@@ -11,29 +12,83 @@ from panel.viewable import Viewable
 from app import ui
 from app.page import Page
 from app.pages.simulate.forecast import words_numbers, words_row, words_state
-from app.pages.simulate.knobs import KNOBS, PRESETS, SAMPLE, STREAM, SUBHALOS, Knob, config_of, texts_of
+from app.pages.simulate.knobs import KNOBS, PRESETS, SAMPLE, STREAM, SUBHALOS, Knob, texts_of, told_by_knobs
 from app.session.catalog import Choice, label_of
 from app.ui.browser import LiveText
-from streamdash.config import EnsembleConfig
+from streamdash.config import EnsembleConfig, Perturbers, Population
+from streamdash.naming import differences, population_text
+from streamdash.population import COMPONENTS_MAX
 from streamdash.simulation.jobs import JobStatus
 
 
 def presets(page: Page) -> Viewable:
-    """Buttons that set all knobs but those that say how many."""
+    """Menu that sets all knobs but those that say how many."""
     plain = {knob.name: knob.default for knob in KNOBS if knob.group != SAMPLE}
+    start = "Start from …"
+    menu = ui.menu(
+        "preset", "Population", {start: "", **{words: words for words in PRESETS}}, value="", width=330
+    )
 
-    def button(words: str, values: dict[str, str]) -> Viewable:
-        return ui.button(
-            words,
-            lambda: page.session.param.update(**{**plain, **values}),
-            size="small",
-            margin=0,
-            css_classes=["sd-preset"],
-        )
+    def chosen(event: Any) -> None:
+        if event.new:
+            page.session.param.update(**{**plain, **PRESETS[event.new]})
+            menu.value = ""  # the knobs may be changed after: the menu does not say what they are
 
-    buttons = [button(words, values) for words, values in PRESETS.items()]
-    row = pn.FlexBox(*buttons, gap="8px", sizing_mode=ui.WIDE, css_classes=["sd-presets"])
-    return pn.Column(ui.caption("Start from"), row, sizing_mode=ui.WIDE, margin=(0, 0, 8, 0))
+    menu.param.watch(chosen, "value")
+    return pn.Column(menu, sizing_mode=ui.WIDE, margin=(0, 0, 8, 0))
+
+
+class Components:
+    """The population's components as rows, each with its expected impacts, to edit, copy and remove."""
+
+    def __init__(self, change: Callable[[dict[str, str]], Any]) -> None:
+        self._change = change
+        self._numbers: list[Any] = []
+        self._listed: tuple = ()
+        self.note = ui.plain_text("", margin=(0, 10))
+        self.rows = pn.Column(sizing_mode=ui.WIDE, margin=0, css_classes=["sd-sim-components"])
+        self.view = pn.Column(ui.caption("What hits the stream"), self.rows, self.note, sizing_mode=ui.WIDE)
+
+    def show(self, config: EnsembleConfig, in_hand: int) -> None:
+        """List the components; the knobs below tell of the one that is in hand."""
+        listed = (config.population, in_hand)
+        if listed == self._listed:
+            return
+        self._listed = listed
+        parts = config.population.components
+        self._numbers = [ui.plain_text("", sizing_mode=None, width=190, margin=(8, 10)) for _ in parts]
+        self.rows[:] = [self._row(config, i, i == in_hand) for i in range(len(parts))]
+        self.note.object = html.escape(" ".join(config.population.overlaps()))
+
+    def expect(self, impacts: Sequence[float]) -> None:
+        """Tell how often each component hits a stream; nothing where that is not known yet."""
+        for i, number in enumerate(self._numbers):
+            number.object = f"{impacts[i]:.4g} impacts a stream" if impacts else ""
+
+    def _row(self, config: EnsembleConfig, i: int, in_hand: bool) -> Viewable:
+        parts = config.population.components
+        one = EnsembleConfig(perturbers=parts[i])
+        label = ", ".join([population_text(one.population), *differences(one)])
+        name = ui.plain_text(html.escape(label), sizing_mode=None, width=330, margin=(8, 10))
+
+        def button(words: str, action: Callable[[], Any]) -> Viewable:
+            return ui.button(words, action, size="small", css_classes=[f"sd-sim-{words.lower()}"])
+
+        def put(components: Sequence[Perturbers], hand: Perturbers) -> None:
+            changed = config.model_copy(update={"population": Population(components=tuple(components))})
+            self._change(texts_of(changed, changed.population.components.index(hand)))
+
+        others = [*parts[:i], *parts[i + 1 :]]
+        buttons: list[Viewable] = []
+        if in_hand:
+            buttons.append(ui.plain_text("in the fields below", sizing_mode=None, width=150, margin=(8, 10)))
+        else:
+            buttons.append(button("Edit", lambda: put(parts, parts[i])))
+        if len(parts) < COMPONENTS_MAX:
+            buttons.append(button("Copy", lambda: put([*parts, parts[i]], parts[i])))
+        if others:
+            buttons.append(button("Remove", lambda: put(others, others[0])))
+        return ui.controls(name, self._numbers[i], *buttons)
 
 
 def knobs(page: Page) -> Viewable:
@@ -162,7 +217,7 @@ class Others:
         numbers = self._numbers[key] = ui.plain_text("", sizing_mode=None, width=330, margin=(8, 10))
         name = ui.plain_text(label, sizing_mode=None, width=330, margin=(8, 10))
         parts: list[Viewable] = [name, numbers]
-        if config_of(texts_of(config)) == config:  # others came from the command line with more settings
+        if told_by_knobs(config):  # others came from the command line with more settings
             parts.append(
                 ui.button(
                     "Show", lambda: self._show(config, title), size="small", css_classes=["sd-sim-show"]
