@@ -19,6 +19,9 @@ from streamdash.engine.impacts import (
     sample_impacts,
 )
 from streamdash.engine.mass_function import mass_decades, scale_radius, subhalo_count, suppression
+from streamdash.simulation.geometry import load_geometry
+from streamdash.store.cache import Cache
+from streamdash.streams import named_stream
 from tests.physics.reference import march
 
 LOW = Perturbers(mass_range="1e3-1e5", profile="plummer")
@@ -148,3 +151,20 @@ def test_a_table_of_impacts_keeps_who_is_what(geometry, tmp_path):
         Impacts.read_csv(tmp_path / "wrong.csv", geometry)
     impacts.to_frame().drop(columns="profile").to_csv(tmp_path / "older.csv", index=False)
     assert set(Impacts.read_csv(tmp_path / "older.csv", geometry, "plummer").profile) == {"plummer"}
+
+
+def test_both_arms_share_the_population_and_are_hit_by_its_rate(shipped_cache):
+    """Per angle and time the same rate: impacts differ only as the arms' own length and width do."""
+    cache = Cache((shipped_cache,))
+    arms = [load_geometry(model, cache) for model in named_stream("gd1").arms.values()]
+    assert len(arms) == 2
+    both = population(LOW, HIGH)
+    for parts in (both, population(HIGH)):
+        hits = [expected_impacts(arm, parts) / (arm.mean_omega * arm.mean_radius) for arm in arms]
+        assert hits[0] == pytest.approx(hits[1], rel=0.15)
+        thrice = [part.model_copy(update={"rate_factor": 3 * part.rate_factor}) for part in parts.components]
+        for arm in arms:
+            ratio = expected_impacts(arm, population(*thrice)) / expected_impacts(arm, parts)
+            assert ratio == pytest.approx(3, rel=1e-12)
+    drawn = [sample_impacts(arm, both, np.random.default_rng(1)) for arm in arms]
+    assert not np.array_equal(drawn[0].mass_msun, drawn[1].mass_msun)  # each arm has its own impacts

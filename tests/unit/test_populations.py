@@ -89,9 +89,7 @@ def test_a_component_reads_what_it_writes(component):
 
 def test_every_field_of_a_component_has_a_word():
     assert {"mass_range", *COMPONENT_WORDS.values()} == set(Perturbers.model_fields)
-    assert parse_component("1e3-1e5 , m_wdm = 5").half_mode_mass == pytest.approx(
-        half_mode_mass(5), rel=1e-3
-    )
+    assert parse_component("1e3-1e5 , m_wdm = 5").half_mode_mass == pytest.approx(half_mode_mass(5), rel=1e-3)
 
 
 @pytest.mark.parametrize(
