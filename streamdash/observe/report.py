@@ -11,6 +11,7 @@ import numpy as np
 
 from streamdash.config import mass_label, parse_mass_range
 from streamdash.naming import label_text, mass_text
+from streamdash.observe.detection import DETECTED, smooth_p
 from streamdash.observe.observation import NAMES, Observation
 from streamdash.observe.resemblance import DOUBTFUL, UNLIKE
 from streamdash.observe.verdict import Prepared, Verdict
@@ -18,6 +19,15 @@ from streamdash.statistics.evidence import jeffreys
 
 DECIDED = 0.75
 """Below this probability of the best class the profile is said not to decide."""
+STRONG = 5.0
+"""|ln B| of strong evidence on Jeffreys' scale; for another class than the classifier's it undecides."""
+DECIDED_FOR, UNDECIDED, UNLIKE_ANY, NOTHING = VERDICTS = (
+    "decided",
+    "undecided",
+    "unlike anything simulated",
+    "nothing detected",
+)
+"""What a report may begin with."""
 
 
 def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> dict[str, Any]:
@@ -26,8 +36,10 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
     Returns
     -------
     dict
-        ``answer`` and ``agreement`` (a sentence each), ``resemblance``, ``classes``, ``quality``,
-        ``assumptions``, ``caveats`` and ``profile``.
+        ``verdict`` (one of `VERDICTS`), ``answer`` and ``agreement`` (text), ``detected`` and
+        ``resembles`` (bool), ``warnings`` (sentences, none where nothing is doubtful), ``smooth_p``,
+        ``resemblance``, ``classes`` (each with ``mass_range``, ``probability``, ``low`` and ``high``),
+        ``quality``, ``assumptions``, ``caveats`` and ``profile``.
     """
     scores, likeness, evidence = verdict.judged.scores, verdict.resemblance, verdict.evidence
     accuracy, accuracy_error = verdict.accuracy
@@ -37,15 +49,22 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
             {
                 "mass_range": label,
                 "probability": float(verdict.probability[c]),
-                "interval": [float(verdict.low[c]), float(verdict.high[c])],
+                "low": float(verdict.low[c]),
+                "high": float(verdict.high[c]),
                 "interval_models": [float(verdict.models_low[c]), float(verdict.models_high[c])],
                 "ln_bayes": float(evidence.ln_bayes[c]),
                 "ln_bayes_error": float(evidence.error[c]),
             }
         )
     design = observation.design
+    p = smooth_p(observation)
     result: dict[str, Any] = {
+        "verdict": "",
         "answer": "",
+        "detected": p < DETECTED,
+        "resembles": not likeness.unlike,
+        "warnings": [],
+        "smooth_p": p,
         "agreement": "",
         "resemblance": {
             "verdict": "unlike" if likeness.unlike else "unusual" if likeness.doubtful else "alike",
@@ -78,12 +97,82 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
             "error": design.sigma.tolist(),
         },
     }
+    result["verdict"] = verdict_of(result)
     result["answer"], result["agreement"] = answer(result), agreement(result)
+    result["warnings"] = warnings(result)
     return result
 
 
+def verdict_of(result: dict[str, Any]) -> str:
+    """Which of `VERDICTS` it is.
+
+    Undecided is a probability of the best class below `DECIDED`, an interval that crosses one half, or
+    strong PDF evidence for another class.
+    """
+    if not result["resembles"]:
+        return UNLIKE_ANY
+    if not result["detected"]:
+        return NOTHING
+    best = _best(result)
+    clash = max(c["ln_bayes"] for c in result["classes"]) - best["ln_bayes"] > STRONG
+    crosses = best["low"] < 0.5 < best["high"]
+    return UNDECIDED if best["probability"] < DECIDED or crosses or clash else DECIDED_FOR
+
+
+def warnings(result: dict[str, Any]) -> list[str]:
+    """What makes the answer doubtful, one sentence each; none where nothing does."""
+    best = _best(result)
+    rival = max(result["classes"], key=lambda c: c["ln_bayes"])
+    found = []
+    if not result["resembles"]:
+        found.append("The profile resembles none of the compared classes; do not use the probabilities.")
+    elif result["resemblance"]["verdict"] == "unusual":
+        found.append("The profile would be an unusual member of any of the compared classes.")
+    if not result["detected"]:
+        found.append("No perturbation is seen at this noise: a smooth stream would look alike.")
+    if result["resembles"] and best["low"] < 0.5 < best["high"]:
+        found.append("Observed again, the same stream might be put to another class.")
+    if result["resembles"] and rival["ln_bayes"] - best["ln_bayes"] > STRONG:
+        found.append(f"The distribution of Qρ alone is strong evidence for {name(rival)} instead.")
+    return [*found, *_nested(result)]
+
+
+def _nested(result: dict[str, Any]) -> list[str]:
+    """Classes of which one's masses are among the other's do not exclude one another."""
+    ranges = [(c["mass_range"], _masses(c["mass_range"])) for c in result["classes"]]
+    return [
+        f"{label_text(wide)} holds {label_text(narrow)}: the two do not exclude one another, and their "
+        "probabilities only rank populations of these very rates."
+        for wide, a in ranges
+        for narrow, b in ranges
+        if a and b and a != b and a[0] <= b[0] and b[1] <= a[1]
+    ]
+
+
+def _masses(label: str) -> tuple[float, float] | None:
+    """Masses of a class that is called by its range; None of others."""
+    try:
+        return parse_mass_range(label)
+    except ValueError:
+        return None
+
+
+def _best(result: dict[str, Any]) -> dict[str, Any]:
+    return max(result["classes"], key=lambda c: c["probability"])
+
+
 def answer(result: dict[str, Any]) -> str:
-    """The one sentence that may be quoted."""
+    """What may be quoted: the verdict's word, and a sentence with its condition."""
+    if result["verdict"] == NOTHING:
+        return (
+            "Nothing detected. No perturbation is seen at this noise: the data are as a smooth stream would "
+            f"be (p = {result['smooth_p']:.2g}). If one of these classes hit the stream all the same: "
+            f"{_sentence(result)}"
+        )
+    return f"{result['verdict'].capitalize()}. {_sentence(result)}"
+
+
+def _sentence(result: dict[str, Any]) -> str:
     likeness, quality = result["resemblance"], result["quality"]
     if likeness["verdict"] == "unlike":
         return (
@@ -91,7 +180,7 @@ def answer(result: dict[str, Any]) -> str:
             f"{strange_share(likeness)} look as strange (p = {likeness['p']:.2g}), so the probabilities of "
             "the classes should not be used."
         )
-    best = max(result["classes"], key=lambda c: c["probability"])
+    best = _best(result)
     right = (
         f"with bins and errors like these the method is right for {percent(quality['accuracy'])} of "
         "simulated streams"
@@ -114,7 +203,7 @@ def agreement(result: dict[str, Any]) -> str:
     """Whether classifier and PDF evidence prefer the same class; empty where neither counts."""
     if result["resemblance"]["verdict"] == "unlike":
         return ""
-    best = max(result["classes"], key=lambda c: c["probability"])
+    best = _best(result)
     rival = max(result["classes"], key=lambda c: c["ln_bayes"])
     quality = result["quality"]
     if best is rival:
@@ -140,7 +229,7 @@ def percent(value: float) -> str:
 
 def interval(entry: dict[str, Any]) -> str:
     """The 68 % interval of a class's probability, no finer than was tested."""
-    low, high = entry["interval"]
+    low, high = entry["low"], entry["high"]
     if low > 0.99 or high < 0.01:
         return f"68 % interval {percent(low)}"
     ends = [">99" if end > 0.99 else "<1" if end < 0.01 else f"{100 * end:.0f}" for end in (low, high)]
@@ -161,13 +250,17 @@ def resemblance_words(result: dict[str, Any]) -> str:
         "unusual": f"The profile would be an unusual member of any class (p < {DOUBTFUL:g}).",
         "alike": "The profile looks like the simulated classes.",
     }[likeness["verdict"]]
-    share = f"{100 * likeness['p']:.{0 if likeness['p'] > 0.1 else 1}f} %"
     return (
-        f"{words} Of {likeness['n_held_out']} streams the method never saw, {share} are as strange or "
-        f"stranger: p = {likeness['p']:.2g}, three times the smallest of {likeness['p_distance']:.2g} for "
-        f"distance from the classes, {likeness['p_pattern']:.2g} for the pattern along the stream and "
-        f"{likeness['p_structure']:.2g} for having structure at all."
+        f"{words} Of {likeness['n_held_out']} streams the method never saw, {_share(likeness['p_distance'])} "
+        f"are as far from the classes or farther, {_share(likeness['p_pattern'])} have as strange a pattern "
+        f"along the stream, and {_share(likeness['p_structure'])} have as little structure; p = "
+        f"{likeness['p']:.2g} is three times the smallest of these shares, as three were looked at, and at "
+        "most 1."
     )
+
+
+def _share(p: float) -> str:
+    return f"{100 * p:.{0 if p > 0.1 else 1}f} %"
 
 
 def evidence_words(entry: dict[str, Any], result: dict[str, Any]) -> str:
@@ -213,6 +306,8 @@ def text(result: dict[str, Any]) -> str:
     width = max(len(c["mass_range"]) for c in result["classes"])
     set_aside = result["resemblance"]["verdict"] == "unlike"
     lines = [result["answer"], result["agreement"], "", resemblance_words(result), ""]
+    if result["warnings"]:
+        lines += ["Warnings", *(f"  - {sentence}" for sentence in result["warnings"]), ""]
     lines.append("Probability of each class" + (" (not to be used: see above)" if set_aside else ""))
     for c in result["classes"]:
         lines.append(

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from streamdash.classifier.data import Cancelled, ClassifierError, split
 from streamdash.config import Perturbers, StreamModel
+from streamdash.observe.detection import smooth_p
 from streamdash.observe.evidence import blurred_pdf, learn_pdfs
 from streamdash.observe.guess import changed, guess
 from streamdash.observe.observation import Observation, interpret, read_observation
-from streamdash.observe.report import agreement, answer, report, text
+from streamdash.observe.report import agreement, answer, report, text, verdict_of, warnings
 from streamdash.observe.resemblance import DOUBTFUL, UNLIKE, learn_likeness
 from streamdash.observe.table import read_table
 from streamdash.observe.verdict import _band, judge, learn, prepare
@@ -193,7 +195,9 @@ def test_what_is_unlike_comes_first_and_probabilities_step_back(world, bins, geo
     _, observation = read_observation(as_file(bins, strange, "detrended"), geometry)
     result = report(judge(prepared, observation), observation, prepared)
     assert result["resemblance"]["verdict"] == "unlike"
-    assert result["answer"].startswith("This profile resembles none of the compared classes")
+    assert result["answer"].startswith("Unlike anything simulated. This profile resembles none of")
+    assert (result["verdict"], result["resembles"]) == ("unlike anything simulated", False)
+    assert "do not use the probabilities" in result["warnings"][0]
     assert "should not be used" in result["answer"]
     assert not any(f"{100 * c['probability']:.0f} %" in result["answer"] for c in result["classes"])
     page = report_html(result, observation, prepared.bands())
@@ -214,7 +218,7 @@ def test_the_report_has_one_story_in_every_form(world, bins, geometry):
     assert result["agreement"] in text(result)
     np.testing.assert_allclose(sum(c["probability"] for c in result["classes"]), 1, rtol=1e-5)
     for c in result["classes"]:
-        assert c["interval"][0] <= c["probability"] <= c["interval"][1]
+        assert c["low"] <= c["probability"] <= c["high"]
     assert np.sum(result["quality"]["confusion"]) == result["quality"]["n_held_out"] == 400
     assert any("molecular" in words for words in result["caveats"])
     page = report_html(result, observation, prepared.bands())
@@ -268,22 +272,27 @@ def test_classes_of_different_streams_are_refused(cache, configs, world):
         prepare(cache, [configs[0], strange], world[0].design)
 
 
-def told(p: float, first: float, ln_bayes: float = -9.0) -> dict:
+def told(p: float, first: float, ln_bayes: float = -9.0, detected: bool = True) -> dict:
     """A report of two classes with a p-value and a probability of the first."""
     verdict = "unlike" if p < UNLIKE else "unusual" if p < DOUBTFUL else "alike"
-    return {
+    result = {
         "resemblance": {"verdict": verdict, "p": p},
+        "detected": detected,
+        "resembles": verdict != "unlike",
+        "smooth_p": 1e-3 if detected else 0.3,
         "classes": [
             {
                 "mass_range": "1e3-1e5",
                 "probability": first,
-                "interval": [first - 0.004, 1.0],
+                "low": first - 0.004,
+                "high": 1.0,
                 "ln_bayes": 0.0,
             },
-            {"mass_range": "1e5-1e9", "probability": 1 - first, "interval": [0, 0.5], "ln_bayes": ln_bayes},
+            {"mass_range": "1e5-1e9", "probability": 1 - first, "low": 0, "high": 0.5, "ln_bayes": ln_bayes},
         ],
         "quality": {"accuracy": 0.873, "pdf_accuracy": 0.71},
     }
+    return {**result, "verdict": verdict_of(result)}
 
 
 @pytest.mark.parametrize(
@@ -299,6 +308,45 @@ def told(p: float, first: float, ln_bayes: float = -9.0) -> dict:
 )
 def test_the_sentence_says_no_more_than_the_numbers(p, first, words):
     assert words in answer(told(p, first))
+
+
+def test_the_first_word_says_what_kind_of_answer_it_is():
+    assert answer(told(0.4, 0.93)).startswith("Decided. This profile looks more like")
+    assert answer(told(0.4, 0.6)).startswith("Undecided. This profile does not decide")
+    assert answer(told(0.4, 0.93, ln_bayes=9.0)).startswith("Undecided. ")  # the methods clash strongly
+    assert answer(told(0.004, 0.93)).startswith("Unlike anything simulated. ")
+    nothing = answer(told(0.4, 0.93, detected=False))
+    assert nothing.startswith("Nothing detected. No perturbation is seen at this noise")
+    assert "(p = 0.3). If one of these classes hit the stream all the same: This profile" in nothing
+
+
+def test_warnings_are_none_where_nothing_is_doubtful_and_name_what_is():
+    assert warnings(told(0.4, 0.93)) == []
+    assert "strong evidence for 10⁵–10⁹ M☉ instead" in warnings(told(0.4, 0.93, ln_bayes=9.0))[0]
+    assert "a smooth stream would look alike" in warnings(told(0.4, 0.93, detected=False))[0]
+    assert "unusual member" in warnings(told(0.02, 0.93))[0]
+    nested = told(0.4, 0.93)
+    nested["classes"][0]["mass_range"] = "1e5-1e7"
+    assert "do not exclude one another" in warnings(nested)[0]
+
+
+@pytest.mark.parametrize("order", [AS_IS, 0, 3])
+def test_smooth_streams_are_not_detected_and_perturbed_ones_are(order):
+    n, sigma = 36, np.full(36, 0.12)
+    edges = np.linspace(-80.0, -8.0, n + 1)
+    design = Design("phi1", edges[:-1], edges[1:], sigma, "q_rho", order)
+    rng = np.random.default_rng(5)
+    smooth = measured(np.ones((300, n)), rng.standard_normal((300, n)), sigma, design.fit)
+    wave = 1 + 0.3 * np.sin(2 * np.pi * np.arange(n) / 10)
+    waves = measured(np.tile(wave, (30, 1)), rng.standard_normal((30, n)), sigma, design.fit)
+
+    def p(q):
+        return smooth_p(SimpleNamespace(design=design, q=q))
+
+    ps = np.array([p(q) for q in smooth])
+    assert np.mean(ps < 0.01) < 0.035  # 1 % expected: 3 of 300, at most 10
+    assert 0.4 < np.mean(ps < 0.5) < 0.6
+    assert np.mean([p(q) < 0.01 for q in waves]) > 0.9
 
 
 def test_methods_that_disagree_are_said_to():
