@@ -54,7 +54,7 @@ def half_mode_mass(m_wdm_kev: float) -> float:
     Examples
     --------
     >>> f"{half_mode_mass(5.0):.3g}"
-    '9.31e+07'
+    '9.3e+07'
     """
     if not KEV_MIN <= m_wdm_kev <= KEV_MAX:
         raise ConfigError(f"m_wdm: must lie between {KEV_MIN:g} and {KEV_MAX:g} keV (got {m_wdm_kev:g}).")

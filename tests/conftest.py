@@ -70,12 +70,13 @@ def shipped_cache() -> Path:
 def small_cache(shipped_cache, tmp_path_factory) -> Path:
     """Folder of a cache with the first streams of the shipped ensembles of the paper's two classes."""
     from streamdash.store.cache import CHUNK, Cache
+    from tests.shipped import of_default_stream
 
     root = tmp_path_factory.mktemp("small") / "cache"
     shutil.copytree(shipped_cache / "geometries", root / "geometries")
     shipped, cache = Cache.default(shipped_cache), Cache.default(root)
     for entry in shipped.entries():
-        if entry.kind == "ensemble" and entry.config.population.label in ("1e3-1e5", "1e5-1e9"):
+        if of_default_stream(entry) and entry.config.population.label in ("1e3-1e5", "1e5-1e9"):
             data = shipped.open_ensemble(entry.config)
             config = entry.config.model_copy(update={"n_streams": 2 * CHUNK})
             with cache.begin(config, data[["smooth", "omega_smooth"]]) as writer:

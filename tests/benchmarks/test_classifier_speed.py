@@ -8,6 +8,7 @@ from streamdash.classifier.model import BEST, PAPER_CLASSES
 from streamdash.classifier.train import train
 from streamdash.store.cache import Cache
 from streamdash.survey.observed import ObservedStreams
+from tests.shipped import of_default_stream
 
 TRAINING_S = 10.0
 PREDICTION_S = 0.020
@@ -16,7 +17,7 @@ PREDICTION_S = 0.020
 @pytest.fixture(scope="module")
 def streams(shipped_cache):
     cache = Cache.default(shipped_cache)
-    keys = {entry.config.population.label: entry.key for entry in cache.entries() if entry.kind == "ensemble"}
+    keys = {entry.config.population.label: entry.key for entry in cache.entries() if of_default_stream(entry)}
     return ObservedStreams.read(cache, [keys[label] for label in PAPER_CLASSES[3]])
 
 

@@ -9,6 +9,7 @@ from streamdash.classifier.model import BEST, PAPER, PAPER_CLASSES, PAPER_SCORES
 from streamdash.classifier.train import train
 from streamdash.store.cache import Cache
 from streamdash.survey.observed import ObservedStreams
+from tests.shipped import of_default_stream
 
 NOISE = 0.1
 
@@ -16,7 +17,7 @@ NOISE = 0.1
 @pytest.fixture(scope="module")
 def streams(shipped_cache):
     cache = Cache.default(shipped_cache)
-    keys = {entry.config.population.label: entry.key for entry in cache.entries() if entry.kind == "ensemble"}
+    keys = {entry.config.population.label: entry.key for entry in cache.entries() if of_default_stream(entry)}
     return {
         n: ObservedStreams.read(cache, [keys[label] for label in labels])
         for n, labels in PAPER_CLASSES.items()

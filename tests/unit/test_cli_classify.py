@@ -14,6 +14,7 @@ from streamdash.observe.report import report
 from streamdash.observe.verdict import judge, prepare
 from streamdash.store.cache import Cache
 from streamdash.survey.mock import EXAMPLE, EXAMPLE_TRUTH
+from tests.shipped import of_default_stream
 from tests.unit.commands import refused, run
 
 
@@ -22,7 +23,7 @@ def test_the_command_gives_the_numbers_of_the_library(small_cache, tmp_path, geo
     told = json.loads(run("classify", EXAMPLE, "--json", "--report", page, "--cache", small_cache).stdout)
     cache = Cache.default(small_cache)
     _, observation = read_observation(EXAMPLE.read_bytes(), geometry)
-    configs = {e.config.population.label: e.config for e in cache.entries() if e.kind == "ensemble"}
+    configs = {e.config.population.label: e.config for e in cache.entries() if of_default_stream(e)}
     prepared = prepare(cache, [configs["1e3-1e5"], configs["1e5-1e9"]], observation.design)
     expected = report(judge(prepared, observation), observation, prepared)
     assert told == json.loads(json.dumps(expected))

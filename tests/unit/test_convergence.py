@@ -180,11 +180,12 @@ def test_words_of_verdicts():
 def simulated(shipped_cache):
     """A few streams, for spectra of them."""
     from streamdash.store.cache import Cache
+    from tests.shipped import of_default_stream
 
     config = next(
         e.config
         for e in Cache.default(shipped_cache).entries()
-        if e.label == "1e5-1e9" and e.kind == "ensemble"
+        if e.label == "1e5-1e9" and of_default_stream(e)
     )
     return Cache.default(shipped_cache).open_ensemble(config, 60)
 

@@ -31,6 +31,7 @@ from streamdash.survey.design import (
 from streamdash.survey.mock import mock_bins, mock_observation
 from streamdash.survey.observed import ObservedStreams
 from streamdash.survey.sky import observe, q_rho, to_theta
+from tests.shipped import of_default_stream
 
 LABELS = ("1e3-1e5", "1e5-1e9")
 N_KNOWN = 800
@@ -45,7 +46,7 @@ def cache(shipped_cache) -> Cache:
 
 @pytest.fixture(scope="module")
 def configs(cache):
-    found = {e.config.population.label: e.config for e in cache.entries() if e.kind == "ensemble"}
+    found = {e.config.population.label: e.config for e in cache.entries() if of_default_stream(e)}
     return [found[label] for label in LABELS]
 
 
@@ -384,7 +385,7 @@ def test_evidence_prefers_the_class_a_profile_comes_from():
 def survey(request, cache, geometry):
     """Models for 36 bins of 2° with errors of 12 %, divided by a cubic, and streams they never saw."""
     labels = {2: LABELS, 3: ("1e3-1e5", "1e5-1e7", "1e7-1e9")}[request.param]
-    found = {e.config.perturbers.label: e.config for e in cache.entries() if e.kind == "ensemble"}
+    found = {e.config.population.label: e.config for e in cache.entries() if of_default_stream(e)}
     low, high = mock_bins(geometry, "phi1", 2.0)
     design = Design("phi1", low, high, np.full(len(low), 0.12), "density", ORDER)
     streams = ObservedStreams.read(cache, [found[label] for label in labels], design)
