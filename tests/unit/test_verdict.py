@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from streamdash.classifier.data import Cancelled, ClassifierError, split
 from streamdash.config import Perturbers, StreamModel
-from streamdash.observe.detection import smooth_p
 from streamdash.observe.evidence import blurred_pdf, learn_pdfs
 from streamdash.observe.guess import changed, guess
 from streamdash.observe.observation import Observation, interpret, read_observation
@@ -329,25 +327,6 @@ def test_warnings_are_none_where_nothing_is_doubtful_and_name_what_is():
     nested = told(0.4, 0.93)
     nested["classes"][0]["mass_range"] = "1e5-1e7"
     assert "do not exclude one another" in warnings(nested)[0]
-
-
-@pytest.mark.parametrize("order", [AS_IS, 0, 3])
-def test_smooth_streams_are_not_detected_and_perturbed_ones_are(order):
-    n, sigma = 36, np.full(36, 0.12)
-    edges = np.linspace(-80.0, -8.0, n + 1)
-    design = Design("phi1", edges[:-1], edges[1:], sigma, "q_rho", order)
-    rng = np.random.default_rng(5)
-    smooth = measured(np.ones((300, n)), rng.standard_normal((300, n)), sigma, design.fit)
-    wave = 1 + 0.3 * np.sin(2 * np.pi * np.arange(n) / 10)
-    waves = measured(np.tile(wave, (30, 1)), rng.standard_normal((30, n)), sigma, design.fit)
-
-    def p(q):
-        return smooth_p(SimpleNamespace(design=design, q=q))
-
-    ps = np.array([p(q) for q in smooth])
-    assert np.mean(ps < 0.01) < 0.035  # 1 % expected: 3 of 300, at most 10
-    assert 0.4 < np.mean(ps < 0.5) < 0.6
-    assert np.mean([p(q) < 0.01 for q in waves]) > 0.9
 
 
 def test_methods_that_disagree_are_said_to():
