@@ -19,6 +19,7 @@ PUBLIC = {
     "Population": "streamdash.config",
     "StreamModel": "streamdash.config",
     "named_stream": "streamdash.streams",
+    "infer": "streamdash.observe.infer",
     "load_geometry": "streamdash.simulation.geometry",
     "simulate": "streamdash.simulation.ensemble",
 }

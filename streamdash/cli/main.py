@@ -11,7 +11,9 @@ from streamdash.cli.cache import cache_app
 from streamdash.cli.classify import classify_command
 from streamdash.cli.common import OneSentence
 from streamdash.cli.convergence import convergence_command
+from streamdash.cli.estimator import estimator_app
 from streamdash.cli.geometry import geometry_command
+from streamdash.cli.infer import infer_command
 from streamdash.cli.mock import mock_command
 from streamdash.cli.reproduce import reproduce_command
 from streamdash.cli.serve import serve_command
@@ -26,8 +28,10 @@ app.command("convergence")(convergence_command)
 app.command("stream")(stream_command)
 app.command("geometry")(geometry_command)
 app.command("classify")(classify_command)
+app.command("infer")(infer_command)
 app.command("mock")(mock_command)
 app.add_typer(cache_app, name="cache")
+app.add_typer(estimator_app, name="estimator")
 
 
 def _print_version(wanted: bool) -> None:

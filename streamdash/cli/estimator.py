@@ -1,0 +1,92 @@
+"""``streamdash estimator``: train what is shipped, and compare methods on the same streams."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from streamdash.cli.common import (
+    CacheOption,
+    InputError,
+    StreamOption,
+    make_cache,
+    messages,
+    progress_bar,
+    wrong_input,
+)
+from streamdash.cli.infer import PRIOR_HELP, read_prior
+from streamdash.streams import STREAM_NAMES, named_stream
+
+estimator_app = typer.Typer(help="Train estimators of what hit a stream, and see what they are worth.")
+
+HELD_OUT = 1000
+HELD_OUT_SEED = 2026
+
+
+@estimator_app.command("train")
+def train_command(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="ESTIMATOR.npz", help="Where to write it.")
+    ],
+    stream: StreamOption = None,
+    prior: Annotated[str, typer.Option("--prior", metavar="NAME|JSON", help=PRIOR_HELP)] = "rate",
+    streams: Annotated[int, typer.Option("--streams", min=500, help="Streams to learn from.")] = 40_000,
+    members: Annotated[int, typer.Option("--members", min=1, max=20, help="Networks of a parameter.")] = 6,
+    cache: CacheOption = None,
+) -> None:
+    """Train the estimator of a named stream at its default design, and test it on fresh streams."""
+    from dataclasses import replace
+
+    from streamdash.inference.diagnostics import as_record, scores
+    from streamdash.inference.estimator import Estimator, Training
+    from streamdash.inference.files import save
+    from streamdash.inference.prior_ensemble import PriorEnsemble, default_design
+
+    if not output.absolute().parent.is_dir():
+        raise InputError(f"The folder of {output} does not exist; make it first.")
+    place = make_cache(cache)
+    with wrong_input(), progress_bar() as titled:
+        asked = read_prior(prior)
+        model = named_stream(stream or STREAM_NAMES[0]).arm()
+        ensemble = PriorEnsemble.load(
+            asked, model, streams, place, progress=titled("Simulating streams of the prior"), nice=10
+        )
+        design = default_design(ensemble.members[0].geometry)
+        estimator = Estimator.fit(ensemble, design, Training(members=members), titled("Training"))
+        truth, q = estimator.simulate(HELD_OUT, HELD_OUT_SEED, place)
+        held_out = as_record(scores(estimator.posterior(q), estimator.grid, truth))
+    save(replace(estimator, card={**estimator.card, "held_out": held_out}), output)
+    for name, record in held_out.items():
+        messages.print(f"{name}: " + ", ".join(f"{key} {value:g}" for key, value in record.items()))
+
+
+@estimator_app.command("table")
+def table_command(
+    stream: StreamOption = None,
+    streams: Annotated[int, typer.Option("--streams", min=500, help="Streams to learn from.")] = 20_000,
+    held_out: Annotated[int, typer.Option("--held-out", min=50, help="Fresh streams to test on.")] = HELD_OUT,
+    cache: CacheOption = None,
+) -> None:
+    """Compare ABC, networks on power spectra, and the shipped estimator on the same held-out streams."""
+    from streamdash.inference.files import load_estimator
+    from streamdash.inference.methods import compare, table
+    from streamdash.inference.prior_ensemble import PriorEnsemble
+    from streamdash.streams import stream_text
+
+    place = make_cache(cache)
+    with wrong_input(), progress_bar() as titled:
+        estimator = load_estimator(stream or STREAM_NAMES[0])
+        ensemble = PriorEnsemble.load(
+            estimator.prior,
+            estimator.stream,
+            streams,
+            place,
+            progress=titled("Simulating streams of the prior"),
+        )
+        fresh = estimator.simulate(held_out, HELD_OUT_SEED + 1, place)
+        found = compare(ensemble, estimator, fresh, titled("Training networks"))
+    design = estimator.design
+    words = f"{stream_text(estimator.stream)}: bins of {design.step:.3g}°, σ = {design.noise:g}, "
+    print(table({words + f"divided by a polynomial of order {design.order}; {held_out} streams": found}))

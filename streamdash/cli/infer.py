@@ -1,0 +1,96 @@
+"""``streamdash infer``: how many subhalos, of which masses, hit a measured stream?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from streamdash.cli.common import (
+    ArmOption,
+    CacheOption,
+    InputError,
+    JsonOption,
+    StreamOption,
+    make_cache,
+    print_json,
+    progress_bar,
+    wrong_input,
+)
+from streamdash.prior import PRIORS, Prior
+from streamdash.streams import STREAM_NAMES
+
+if TYPE_CHECKING:
+    from streamdash.observe.infer import Inference
+
+PRIOR_HELP = f"One of {', '.join(PRIORS)}, or a file with a prior as JSON."
+
+
+def infer_command(
+    file: Annotated[
+        Path, typer.Argument(metavar="PROFILE.csv", help="Table of positions, values and errors.")
+    ],
+    stream: StreamOption = None,
+    arm: ArmOption = None,
+    prior: Annotated[str, typer.Option("--prior", metavar="NAME|JSON", help=PRIOR_HELP)] = "rate",
+    order: Annotated[
+        int | None, typer.Option(help="Polynomial divided out; 0: the mean, -1: nothing.")
+    ] = None,
+    streams: Annotated[
+        int, typer.Option("--streams", min=500, max=200_000, help="Streams of the prior to learn from.")
+    ] = 20_000,
+    as_json: JsonOption = False,
+    cache: CacheOption = None,
+) -> None:
+    """Infer the population that hit a measured stream: abundance, half-mode mass, excess of clusters.
+
+    An estimator is trained for the profile's own bins, errors and gaps, on streams of the prior that are
+    simulated before unless the cache has them; both are kept. What the columns are is guessed and stated.
+    """
+    from streamdash.observe.infer import infer
+
+    with wrong_input():
+        asked = read_prior(prior)
+        with progress_bar() as titled:
+            found = infer(
+                file,
+                stream or STREAM_NAMES[0],
+                asked,
+                arm,
+                {"order": order},
+                make_cache(cache),
+                streams,
+                lambda what, done, total: titled(what)(done, total),
+            )
+    if as_json:
+        print_json(found.report())
+    else:
+        print(text(found))
+
+
+def read_prior(name: str) -> Prior:
+    """A prior by its name, or from a JSON file.
+
+    Raises
+    ------
+    InputError
+        When it is neither.
+    ConfigError
+        When the file is not a prior.
+    """
+    if name in PRIORS:
+        return PRIORS[name]
+    try:
+        return Prior.parse(Path(name).read_text())
+    except (OSError, UnicodeDecodeError):
+        known = ", ".join(PRIORS)
+        raise InputError(f"--prior: {name[:60]!r} is none of {known}, nor a file that can be read.") from None
+
+
+def text(found: Inference) -> str:
+    """The answer as text: in words, then what was assumed."""
+    lines = list(found.sentences)
+    lines.append(f"Information gained: {found.posterior.information:.2f} bits.")
+    lines += ["", "Assumed:", *(f"  {sentence}" for sentence in found.observation.stated)]
+    return "\n".join(lines)

@@ -1,0 +1,399 @@
+"""From an observed profile to the posterior of what hit the stream, learnt from streams drawn from a prior.
+
+The posterior over a grid of cells is a product, p(a | q) p(b | q, a) …, and a network learns each factor
+(a softmax over the cells of one parameter, given features of the profile and the parameters before it),
+as the mean of a few members. Streams are split once into training, validation and test: noise is drawn
+anew for every copy, but no copy of a stream is in two of them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+
+from streamdash.config import ENGINE_VERSION, Config, StreamModel
+from streamdash.inference.network import Network, train
+from streamdash.inference.nonsense import alternatives
+from streamdash.inference.posterior import Posterior, make_grid
+from streamdash.inference.prior_ensemble import PriorEnsemble, observed
+from streamdash.prior import Prior
+from streamdash.statistics.features import FeatureMap, FeatureSet
+from streamdash.store.cache import Cache
+from streamdash.survey.design import Design
+from streamdash.validation import Finite
+
+CELLS, RATE_CELLS, FEWER_CELLS = 40, 20, 16
+"""Cells of a parameter that is alone; of several, of the rate and of the others."""
+CLIP = 6.0
+"""Features further from their mean than so many standard deviations count as that far."""
+COPIES = 8
+"""Draws of the noise of every training stream."""
+STRANGE = 0.99
+"""A profile is strange if it looks less like a perturbed stream than this share of them does."""
+CRITIC_EPOCHS = 12
+POWERS = np.round(np.arange(0.7, 1.51, 0.02), 2)
+
+Progress = Callable[[int, int], None]
+
+
+class Training(Config):
+    """How an estimator is trained."""
+
+    members: int = Field(5, ge=1, le=20, description="networks whose mean is taken")
+    max_epochs: int = Field(40, ge=1, le=1000, description="passes over the training streams")
+    alpha: Finite = Field(0.1, ge=0, description="penalty on large weights")
+    blur: Finite = Field(
+        0.025, ge=0, le=0.2, description="parameters are learnt with this error, as a share of their range"
+    )
+    copies: int = Field(COPIES, ge=1, le=50, description="draws of the noise of every training stream")
+    seed: int = Field(0, ge=0, description="of split, noise and networks")
+    features: FeatureSet = FeatureSet()
+
+
+class Split(NamedTuple):
+    """Numbers of the streams for training, validation and test."""
+
+    train: np.ndarray
+    validation: np.ndarray
+    test: np.ndarray
+
+
+def split_streams(n: int, seed: int = 0) -> Split:
+    """Share out streams: 80 % for training, 10 % for validation, 10 % for test; none is in two."""
+    order = np.random.default_rng([seed, n]).permutation(n)
+    first, second = int(0.8 * n), int(0.9 * n)
+    return Split(np.sort(order[:first]), np.sort(order[first:second]), np.sort(order[second:]))
+
+
+@dataclass(frozen=True, eq=False)
+class Estimator:
+    """Posterior of a prior's parameters for profiles observed with one design.
+
+    Attributes
+    ----------
+    prior : Prior
+    stream : StreamModel
+    design : Design
+    grid : mapping of parameter to edges of its cells
+    features : FeatureMap
+    center, scale : ndarray (n_feature,)
+        Mean and standard deviation of the features.
+    critic : Network
+        Tells streams from what no perturber makes (`streamdash.inference.nonsense`).
+    odds : ndarray, increasing
+        Its log odds against validation streams.
+    factors : for each parameter, the members' networks
+    powers : for each parameter, the power that makes their mean as sharp as validation streams want it
+    card : mapping
+        How it was trained, on what, and how well it does on streams it has not seen.
+    """
+
+    prior: Prior
+    stream: StreamModel
+    design: Design
+    grid: Mapping[str, np.ndarray]
+    features: FeatureMap
+    center: np.ndarray
+    scale: np.ndarray
+    critic: Network
+    odds: np.ndarray
+    factors: tuple[tuple[Network, ...], ...]
+    powers: tuple[float, ...]
+    card: Mapping[str, object]
+
+    @classmethod
+    def fit(
+        cls,
+        ensemble: PriorEnsemble,
+        design: Design,
+        training: Training | None = None,
+        progress: Progress | None = None,
+    ) -> Estimator:
+        """Train for a design on an ensemble of a prior's streams.
+
+        Parameters
+        ----------
+        progress : called with steps done and all.
+
+        Raises
+        ------
+        ValueError
+            When a bin is not within the profiles.
+        """
+        training = training or Training()
+        grid = grid_of(ensemble.prior)
+        truth = ensemble.parameters()
+        return cls.learn(
+            ensemble.prior, ensemble.stream, design, grid, ensemble.clean(design), truth, training, progress
+        )
+
+    @classmethod
+    def learn(
+        cls,
+        prior: Prior,
+        stream: StreamModel,
+        design: Design,
+        grid: Mapping[str, np.ndarray],
+        clean: np.ndarray,
+        truth: pd.DataFrame,
+        training: Training,
+        progress: Progress | None = None,
+    ) -> Estimator:
+        """Train on clean profiles (n, n_bin) with known parameters, a column for each of the grid's."""
+        split = split_streams(len(clean), training.seed)
+        rng = np.random.default_rng([training.seed, 1])
+        copies_in_all = training.copies + 4
+        steps = copies_in_all + training.members * training.max_epochs * len(grid)
+        count = _Counter(progress, steps)
+        first = observed(clean[split.train], design, prior, rng)
+        features = FeatureMap.fit(first, training.features)
+        raw = features(first)
+        center, scale = raw.mean(axis=0), raw.std(axis=0) + 1e-6
+
+        def scaled(q: np.ndarray) -> np.ndarray:
+            count.step()
+            return _scaled(features(q), center, scale)
+
+        copies = [scaled(first)]
+        copies += [
+            scaled(observed(clean[split.train], design, prior, rng)) for _ in range(training.copies - 1)
+        ]
+        held = scaled(observed(clean[split.validation], design, prior, rng))
+        wrong = [scaled(alternatives(clean[split.train], design, prior, rng)) for _ in range(2)]
+        wrong_held = scaled(alternatives(clean[split.validation], design, prior, rng))
+        critic, _ = train(
+            lambda number: _stacked(copies[number % len(copies)], wrong[number % len(wrong)]),
+            _stacked(held, wrong_held),
+            n_cells=2,
+            seed=training.seed,
+            max_epochs=CRITIC_EPOCHS,
+            alpha=training.alpha,
+        )
+        odds = np.sort(_log_odds(critic, held)).astype(np.float32)
+
+        def blurred(name: str) -> np.ndarray:
+            # Streams near each other in a parameter hardly differ: their cells are learnt together.
+            true, edges = values[name][split.train], np.asarray(grid[name])
+            error = training.blur * np.ptp(edges) * rng.standard_normal(len(true))
+            return cell_of(_reflected(true + error, edges), edges)
+
+        values = {name: truth[name].to_numpy() for name in grid}
+        factors, powers = [], []
+        for j, name in enumerate(grid):
+            before = _conditions(values, grid, list(grid)[:j])
+            edges = np.asarray(grid[name])
+            cell = cell_of(values[name], edges)
+            inputs = [np.hstack([copy, before[split.train]]) for copy in copies]
+            valid = np.hstack([held, before[split.validation]]), cell[split.validation]
+            members = []
+            for member in range(training.members):
+
+                def epoch(
+                    number: int, member: int = member, inputs: list = inputs, name: str = name
+                ) -> tuple[np.ndarray, np.ndarray]:
+                    return inputs[(number + member) % len(inputs)], blurred(name)
+
+                network, _ = train(
+                    epoch,
+                    valid,
+                    len(grid[name]) - 1,
+                    1000 * training.seed + 10 * j + member,
+                    training.max_epochs,
+                    training.alpha,
+                    lambda done, _all: count.step(),
+                )
+                members.append(network)
+                count.at(copies_in_all + training.max_epochs * (j * training.members + member + 1))
+            factors.append(tuple(members))
+            powers.append(_best_power(tuple(members), *valid))
+        count.at(steps)
+        card = {
+            "engine_version": ENGINE_VERSION,
+            "n_streams": len(clean),
+            "training": training.model_dump(mode="json"),
+        }
+        return cls(
+            prior,
+            stream,
+            design,
+            grid,
+            features,
+            center,
+            scale,
+            critic,
+            odds,
+            tuple(factors),
+            tuple(powers),
+            card,
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters, in the order of the posterior's axes."""
+        return tuple(self.grid)
+
+    def posterior(self, q: np.ndarray) -> np.ndarray:
+        """Posterior probability of every cell, (n, *cells); each stream's sum to 1.
+
+        Parameters
+        ----------
+        q : ndarray (n, n_bin)
+            Profiles as the design says they are measured, divided by its polynomial.
+
+        Raises
+        ------
+        ValueError
+            When the profiles have other bins than the design, or a value is not finite.
+        """
+        x = self._inputs(q)
+        n_cells = [len(edges) - 1 for edges in self.grid.values()]
+        p = np.ones((len(x), 1))
+        for j, members in enumerate(self.factors):
+            extra = _all_conditions(self.grid, self.names[:j]) if j else None
+            rows = max(1, 200_000 // (1 if extra is None else len(extra)) // 10)
+            factor = np.concatenate(
+                [_mean_of(members, self.powers[j], x[i : i + rows], extra) for i in range(0, len(x), rows)]
+            )
+            p = (p[:, :, None] * factor.reshape(len(x), p.shape[1], n_cells[j])).reshape(len(x), -1)
+        p /= p.sum(axis=1, keepdims=True)
+        return p.reshape(len(x), *n_cells)
+
+    def posteriors(self, q: np.ndarray) -> list[Posterior]:
+        """The same as a `Posterior` for each profile."""
+        return [Posterior(self.grid, p) for p in self.posterior(q)]
+
+    def strangeness(self, q: np.ndarray) -> np.ndarray:
+        """Share of simulated streams (n,) that look more like perturbed streams than each profile does.
+
+        Above `STRANGE`, the profile is not like the prior's streams and its posterior means nothing. What
+        has no structure beyond its errors is not strange: a stream that was not hit looks so.
+        """
+        odds = _log_odds(self.critic, self._inputs(q))
+        return np.searchsorted(self.odds, odds) / (len(self.odds) + 1)
+
+    def simulate(self, n: int, seed: int, cache: Cache | None = None) -> tuple[pd.DataFrame, np.ndarray]:
+        """Fresh streams of the prior, observed with the design.
+
+        Parameters
+        ----------
+        n : how many.
+        seed : other seeds give other streams; none are those it has learnt from.
+
+        Returns
+        -------
+        truth : DataFrame
+            Parameters, a column for each of `grid`.
+        q : ndarray (n, n_bin)
+            What `posterior` takes.
+        """
+        fresh = PriorEnsemble.fresh(self.prior, self.stream, n, seed, cache)
+        rng = np.random.default_rng([seed, 2])
+        return fresh.parameters(), observed(fresh.clean(self.design), self.design, self.prior, rng)
+
+    def _inputs(self, q: np.ndarray) -> np.ndarray:
+        q = np.atleast_2d(np.asarray(q, np.float32))
+        if q.ndim != 2 or q.shape[1] != self.design.n_bin:
+            raise ValueError(f"profiles must have {self.design.n_bin} bins (got an array of {q.shape})")
+        if not np.isfinite(q).all():
+            raise ValueError("profiles must be finite; leave bins without a value out of the design")
+        return _scaled(self.features(q), self.center, self.scale)
+
+
+def grid_of(prior: Prior) -> dict[str, np.ndarray]:
+    """The cells that a prior's parameters are inferred in."""
+    several = len(prior.names) > 1
+    cells = dict.fromkeys(prior.names, FEWER_CELLS if several else CELLS)
+    return make_grid(prior.ranges, cells | ({"log10_rate": RATE_CELLS} if several else {}))
+
+
+def estimator_key(
+    prior: Prior, stream: StreamModel, design: Design, n_streams: int, training: Training
+) -> str:
+    """Hash of all that a trained estimator depends on."""
+    parts = [prior.key, stream.key, design.key, n_streams, training.key, ENGINE_VERSION]
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
+
+
+def cell_of(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Number of the cell that each value lies in; those beyond the ends count to the last ones."""
+    return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+
+
+def _stacked(streams: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.vstack([streams, others]), np.repeat([0, 1], [len(streams), len(others)])
+
+
+def _log_odds(critic: Network, x: np.ndarray) -> np.ndarray:
+    logs = critic.log_probabilities(x)
+    return logs[:, 1] - logs[:, 0]
+
+
+def _reflected(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    values = np.where(values > edges[-1], 2 * edges[-1] - values, values)
+    return np.where(values < edges[0], 2 * edges[0] - values, values)
+
+
+def _scaled(x: np.ndarray, center: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    return np.clip((x - center) / scale, -CLIP, CLIP).astype(np.float32)
+
+
+def _conditions(values: Mapping[str, np.ndarray], grid: Mapping[str, np.ndarray], names: list) -> np.ndarray:
+    """Parameters (n, n_names) from -1 to 1 over their ranges."""
+    n = len(next(iter(values.values())))
+    columns = [_unit(values[name], grid[name]) for name in names]
+    return np.stack(columns, axis=1).astype(np.float32) if columns else np.zeros((n, 0), np.float32)
+
+
+def _all_conditions(grid: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray:
+    """The middles of all combinations of cells, as `_conditions`."""
+    middles = [_unit(0.5 * (grid[name][1:] + grid[name][:-1]), grid[name]) for name in names]
+    return np.stack([m.ravel() for m in np.meshgrid(*middles, indexing="ij")], axis=1).astype(np.float32)
+
+
+def _unit(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    return 2 * (values - edges[0]) / (edges[-1] - edges[0]) - 1
+
+
+def _mean_of(
+    members: tuple[Network, ...], power: float, x: np.ndarray, extra: np.ndarray | None = None
+) -> np.ndarray:
+    mean = np.mean([np.exp(member.log_probabilities(x, extra)) for member in members], axis=0)
+    sharp = np.maximum(mean, 1e-12) ** power
+    return sharp / sharp.sum(axis=-1, keepdims=True)
+
+
+def _best_power(members: tuple[Network, ...], x: np.ndarray, cell: np.ndarray) -> float:
+    """The power under which the true cells of validation streams are most probable.
+
+    A mean over members, and blurred cells, are wider than the posterior is.
+    """
+    logs = np.log(_mean_of(members, 1.0, x.astype(np.float32)))
+    rows = np.arange(len(x))
+
+    def loss(power: float) -> float:
+        scaled = power * logs
+        return float((np.log(np.exp(scaled).sum(axis=1)) - scaled[rows, cell]).mean())
+
+    return float(min(POWERS, key=loss))
+
+
+class _Counter:
+    """Progress over several loops."""
+
+    def __init__(self, progress: Progress | None, total: int) -> None:
+        self.progress, self.total, self.done = progress, total, 0
+
+    def step(self) -> None:
+        self.at(self.done + 1)
+
+    def at(self, done: int) -> None:
+        self.done = min(done, self.total)
+        if self.progress is not None:
+            self.progress(self.done, self.total)

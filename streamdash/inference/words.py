@@ -1,0 +1,83 @@
+"""A posterior in sentences: intervals, limits, and what the data do not say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from streamdash.inference.posterior import UNINFORMED, Posterior
+from streamdash.naming import label_text
+from streamdash.population import mass_label
+from streamdash.populations import wdm_mass
+from streamdash.prior import Prior
+
+SUBJECTS: Mapping[str, str] = {
+    "log10_rate": "abundance of {halos}",
+    "log10_half_mode_mass": "half-mode mass of warm dark matter",
+    "log10_excess": "number of further objects of {clusters}",
+    "log10_rs_factor": "size of the subhalos",
+    "slope": "slope of the mass function",
+}
+UNITS: Mapping[str, str] = {
+    "log10_rate": " × CDM",
+    "log10_half_mode_mass": " M☉",
+    "log10_excess": " × CDM's there",
+    "log10_rs_factor": " × the relation",
+    "slope": "",
+}
+
+
+def sentences(posterior: Posterior, prior: Prior) -> list[str]:
+    """What a posterior says of each parameter, a sentence or two each."""
+    return [words for name in posterior.names for words in sentences_on(posterior, name, prior)]
+
+
+def sentences_on(posterior: Posterior, name: str, prior: Prior) -> list[str]:
+    """What it says of one parameter: an interval, a limit, or that the data do not constrain it."""
+    subject = _subject(name, prior)
+    if posterior.information_on(name) < UNINFORMED:
+        return [f"The data do not constrain the {subject}."]
+    if name == "log10_half_mode_mass":
+        return _of_warm_dark_matter(posterior, name)
+    reached = posterior.edges_reached(name)
+    if reached == ("lower",):
+        limit = _value(name, posterior.upper_limit(name))
+        return [
+            f"The {subject} is below {limit} at 95 %.",
+            f"The answer lies at the edge of the prior, which ends at {_end(posterior, name, 0)}: "
+            "the limit holds for this prior only.",
+        ]
+    if reached == ("upper",):
+        limit = _value(name, posterior.lower_limit(name))
+        return [
+            f"The {subject} is above {limit} at 95 %.",
+            f"The answer lies at the edge of the prior, which ends at {_end(posterior, name, -1)}: "
+            "the truth may be beyond it.",
+        ]
+    low, high = posterior.interval(name)
+    middle = _value(name, posterior.median(name))
+    return [f"The {subject} is {middle} ({_value(name, low, unit=False)} to {_value(name, high)} at 68 %)."]
+
+
+def _of_warm_dark_matter(posterior: Posterior, name: str) -> list[str]:
+    """An upper limit: cold dark matter has a half-mode mass of 0, which no range of its logarithm holds."""
+    limit = posterior.upper_limit(name)
+    mass = wdm_mass(10**limit)
+    return [
+        f"The {SUBJECTS[name]} is below {_value(name, limit)} at 95 %: "
+        f"the particle's mass is above {mass:.2g} keV."
+    ]
+
+
+def _subject(name: str, prior: Prior) -> str:
+    return SUBJECTS[name].format(
+        halos=label_text(mass_label(prior.mass_range)), clusters=label_text(mass_label(prior.cluster_range))
+    )
+
+
+def _end(posterior: Posterior, name: str, which: int) -> str:
+    return _value(name, float(posterior.grid[name][which]))
+
+
+def _value(name: str, value: float, unit: bool = True) -> str:
+    shown = 10**value if name.startswith("log10_") else value
+    return f"{shown:.2g}{UNITS[name] if unit else ''}"
