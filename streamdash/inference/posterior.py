@@ -47,14 +47,15 @@ class Posterior:
     def prior(self) -> np.ndarray:
         """Prior probability of every cell (*cells)."""
         shares = [np.diff(edges) / np.ptp(edges) for edges in self.grid.values()]
-        return reduce(np.multiply.outer, shares)
+        return np.asarray(reduce(np.multiply.outer, shares))
 
     def marginal(self, *names: str) -> np.ndarray:
         """Probability of the cells of some parameters, the others summed over, axes in the order given."""
         axes = [self._axis(name) for name in names]
         others = tuple(i for i in range(self.p.ndim) if i not in axes)
         left = [i for i in range(self.p.ndim) if i in axes]
-        return np.asarray(self.p.sum(axis=others)).transpose([left.index(axis) for axis in axes])
+        kept: np.ndarray = np.asarray(self.p.sum(axis=others))
+        return kept.transpose([left.index(axis) for axis in axes])
 
     def quantile(self, name: str, q: float | np.ndarray) -> np.ndarray:
         """Value below which a parameter lies with probability `q`; linear within cells."""

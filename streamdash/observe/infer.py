@@ -134,11 +134,6 @@ def infer(
     ------
     ValueError
         In one sentence, when the profile or a choice cannot be used.
-
-    Examples
-    --------
-    >>> answer = infer("profile.csv", stream="gd1-like")  # doctest: +SKIP
-    >>> answer.posterior.interval("log10_rate", 0.68)  # doctest: +SKIP
     """
     cache = cache if cache is not None else Cache.default()
     asked = _prior(prior)
