@@ -59,7 +59,7 @@ class Posterior:
 
     def quantile(self, name: str, q: float | np.ndarray) -> np.ndarray:
         """Value below which a parameter lies with probability `q`; linear within cells."""
-        return np.interp(q, cumulative(self.marginal(name)), self.grid[name])
+        return np.asarray(np.interp(q, cumulative(self.marginal(name)), self.grid[name]))
 
     def median(self, name: str) -> float:
         """Value above and below which the parameter lies with equal probability."""
