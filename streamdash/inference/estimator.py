@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from pydantic import Field
+from threadpoolctl import threadpool_limits
 
 from streamdash.config import ENGINE_VERSION, Config, StreamModel
 from streamdash.inference.network import Network, train
@@ -130,9 +131,17 @@ class Estimator:
         training = training or Training()
         grid = grid_of(ensemble.prior)
         truth = ensemble.parameters()
-        return cls.learn(
-            ensemble.prior, ensemble.stream, design, grid, ensemble.clean(design), truth, training, progress
-        )
+        with threadpool_limits(1):  # the matrices are small: more threads wait for each other
+            return cls.learn(
+                ensemble.prior,
+                ensemble.stream,
+                design,
+                grid,
+                ensemble.clean(design),
+                truth,
+                training,
+                progress,
+            )
 
     @classmethod
     def learn(
