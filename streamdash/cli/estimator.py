@@ -34,6 +34,7 @@ def train_command(
     prior: Annotated[str, typer.Option("--prior", metavar="NAME|JSON", help=PRIOR_HELP)] = "rate",
     streams: Annotated[int, typer.Option("--streams", min=500, help="Streams to learn from.")] = 40_000,
     members: Annotated[int, typer.Option("--members", min=1, max=20, help="Networks of a parameter.")] = 6,
+    held_out: Annotated[int, typer.Option("--held-out", min=50, help="Fresh streams to test on.")] = HELD_OUT,
     cache: CacheOption = None,
 ) -> None:
     """Train the estimator of a named stream at its default design, and test it on fresh streams."""
@@ -55,11 +56,11 @@ def train_command(
         )
         design = default_design(ensemble.members[0].geometry)
         estimator = Estimator.fit(ensemble, design, Training(members=members), titled("Training"))
-        truth, q = estimator.simulate(HELD_OUT, HELD_OUT_SEED, place)
-        held_out = as_record(scores(estimator.posterior(q), estimator.grid, truth))
-    save(replace(estimator, card={**estimator.card, "held_out": held_out}), output)
-    for name, record in held_out.items():
-        messages.print(f"{name}: " + ", ".join(f"{key} {value:g}" for key, value in record.items()))
+        truth, q = estimator.simulate(held_out, HELD_OUT_SEED, place)
+        record = as_record(scores(estimator.posterior(q), estimator.grid, truth))
+    save(replace(estimator, card={**estimator.card, "held_out": record}), output)
+    for name, numbers in record.items():
+        messages.print(f"{name}: " + ", ".join(f"{key} {value:g}" for key, value in numbers.items()))
 
 
 @estimator_app.command("table")

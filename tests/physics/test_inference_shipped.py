@@ -7,6 +7,7 @@ import io
 import numpy as np
 import pytest
 
+from streamdash import paths
 from streamdash.config import ConfigError
 from streamdash.inference import load_estimator
 from streamdash.inference.diagnostics import joint_bits, marginals, ranks, scores
@@ -17,6 +18,7 @@ from streamdash.inference.predictive import predictive_bands
 from streamdash.inference.prior_ensemble import PriorEnsemble, observed
 from streamdash.observe.infer import infer
 from streamdash.prior import Prior
+from streamdash.store.cache import Cache
 from streamdash.survey.design import divided
 
 NAMES = sorted(path.stem.rsplit("-", 1) for path in SHIPPED.glob("*.npz"))
@@ -145,7 +147,8 @@ def profile_of(estimator, q: np.ndarray):
 def test_an_upload_is_answered_whatever_the_order_of_its_rows(estimator, few, tmp_path):
     """An estimator is trained for its own bins, kept, and used again for the same bins."""
     table = profile_of(estimator, few[1][0]).iloc[50:300]
-    options = {"n_streams": 600, "kept_in": tmp_path, "changes": {"order": 3}}
+    own = Cache((paths.CACHE, tmp_path / "cache"), tmp_path / "cache")
+    options = {"n_streams": 600, "kept_in": tmp_path, "changes": {"order": 3}, "cache": own}
     steps: list[str] = []
     first = infer(table, progress=lambda what, *_: steps.append(what), **options)
     assert len(set(steps)) == 2 and len(list(tmp_path.glob("*.npz"))) == 1
