@@ -62,7 +62,7 @@ class Services:
     laboratory : Work
         The same for simulations of convergence tests, which nothing else should wait for.
     later : ThreadPoolExecutor
-        The one thread of `app.services.later`.
+        The one thread of `app.work.later`.
     jobs : Jobs
         Simulations in the background.
     watch : CacheWatch

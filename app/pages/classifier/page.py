@@ -11,7 +11,7 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
-from app.pages.classifier.studies import studies_of
+from app.pages.classifier.parts import studies_of
 from app.pages.classifier.tables import STYLE, scores_html
 from app.services.services import Unavailable
 from app.session.session import N_PCA_MAX

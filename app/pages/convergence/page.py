@@ -11,8 +11,8 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
+from app.pages.convergence.parts import STYLE, shifts_html, verdicts_html
 from app.pages.convergence.state import SIZES
-from app.pages.convergence.tables import STYLE, shifts_html, verdicts_html
 from app.services.services import Services
 from app.session.session import Session
 from app.ui.study import TaskControls

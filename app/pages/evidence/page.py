@@ -9,7 +9,7 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
-from app.pages.evidence.tables import STYLE, evidence_table
+from app.pages.evidence.parts import STYLE, evidence_table
 from app.services.comparison import (
     N_BIN_SHOWN,
     choice_key,
@@ -19,7 +19,7 @@ from app.services.comparison import (
     set_range,
     shared_comparison,
 )
-from app.services.later import Later
+from app.work.later import Later
 from streamdash.naming import class_labels, differences
 from streamdash.paths import DOCS
 from streamdash.plots import cumulative, evidence

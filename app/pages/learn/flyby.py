@@ -11,9 +11,9 @@ from app import ui
 from app.page import Page
 from app.pages.learn.state import CROWD_MAX, FLYBYS_MAX, GAME_MAX, HAND
 from app.services.comparison import set_range
-from app.services.later import Later
 from app.ui.browser import LiveText
 from app.ui.player import Player
+from app.work.later import Later
 from streamdash.config import StreamModel
 from streamdash.engine.flyby import Film, kick_along_stream
 from streamdash.engine.geometry import Geometry

@@ -11,14 +11,14 @@ from panel.viewable import Viewable
 from app import ui
 from app.page import Page
 from app.pages.observe.answer import STYLE, answer_html, list_html, numbers_html, preview_html
-from app.pages.observe.controls import AssumptionControls
+from app.pages.observe.parts import AssumptionControls
 from app.pages.observe.reading import Outcome, Reading, changes_of, file_of, question, read
 from app.pages.observe.state import AUTO, LINKED, Upload
-from app.services.later import Later
 from app.services.services import Unavailable
 from app.ui.browser import LiveText
 from app.ui.study import TaskControls
 from app.ui.upload import FileDrop
+from app.work.later import Later
 from app.work.tasks import Task, Watch
 from streamdash.observe.report import name, truth_words
 from streamdash.plots import observe

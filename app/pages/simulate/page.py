@@ -15,9 +15,9 @@ from app.page import Page
 from app.pages.simulate.forecast import Outlook, look_ahead, n_workers, panel_of, words_before, words_curves
 from app.pages.simulate.knobs import BY_NAME, config_of, place_of, texts_of
 from app.pages.simulate.parts import Components, Others, Progress, knobs, presets
-from app.services.later import REST_S, Later
 from app.services.services import Unavailable
 from app.session.catalog import CLASSES_MAX
+from app.work.later import REST_S, Later
 from streamdash.config import ConfigError, EnsembleConfig
 from streamdash.plots import profiles
 from streamdash.plots.live import LiveFigure, export

@@ -9,12 +9,12 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
+from app.pages.spectrum.parts import statistics_study
 from app.pages.spectrum.statements import STYLE, statements_html
-from app.pages.spectrum.study import statistics_study
 from app.services.comparison import code_head, configs, noisy_profiles
-from app.services.later import Later
 from app.session.catalog import Choice
 from app.ui.study import StudyCard
+from app.work.later import Later
 from streamdash.classifier.data import ClassifierError
 from streamdash.plots import spectrum
 from streamdash.plots.live import LiveFigure, export
