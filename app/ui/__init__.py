@@ -1,21 +1,29 @@
-"""What pages are put together from: frame, messages, widgets, cards and layout."""
+"""What pages are put together from: frame, layout, text and widgets."""
 
-from app.ui.cards import FigureCard, document, download, folded
 from app.ui.frame import navigation, page_frame, unwatch_busy
 from app.ui.layout import (
     WIDE,
-    class_heading,
+    FigureCard,
     controls,
+    document,
+    download,
     figure_cell,
     figure_grid,
-    legend,
+    folded,
     page_layout,
+)
+from app.ui.text import (
+    caption,
+    class_heading,
+    error_state,
+    heading,
+    legend,
+    message,
+    no_ensembles,
     plain_text,
 )
-from app.ui.messages import error_state, message, no_ensembles
 from app.ui.widgets import (
     button,
-    caption,
     class_button,
     ensemble_picker,
     int_slider,
@@ -44,6 +52,7 @@ __all__ = [
     "figure_cell",
     "figure_grid",
     "folded",
+    "heading",
     "int_slider",
     "legend",
     "menu",

@@ -1,41 +1,25 @@
-"""Layout without Material components: grids, headings, legends, plain text."""
+"""How a page is laid out: controls, grids, and a figure with heading, sentence, downloads and code."""
 
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+import io
+from collections.abc import Callable, Sequence
 from typing import Any
 
+import pandas as pd
 import panel as pn
+import panel_material_ui as pmui
 from bokeh.models.ui import UIElement
 from panel.viewable import Viewable
 
-from app.session.catalog import Choice
-from streamdash.naming import class_colour
+from app.ui.browser import LiveText
 
 WIDE = "stretch_width"
 CODE_STYLE = "pre { margin: 0; padding: 4px 16px; overflow-x: auto; font-size: 13px; line-height: 1.45; }"
-LEGEND_STYLE = """
-.legend { display: flex; flex-wrap: wrap; gap: 4px 18px; font: 13px/1.5 Roboto, sans-serif; }
-.item { display: inline-flex; align-items: center; gap: 6px; }
-.swatch { display: inline-block; width: 24px; height: 2px; }
-.image { height: 10px; background: linear-gradient(#8080801a, #808080e0, #8080801a); }
-.band { height: 10px; background: var(--classes); opacity: 0.4; }
-.line { background: var(--classes); }
-.ink { height: 3px; background: currentColor; }
-.dashes { height: 0; border-top: 2px dashed currentColor; }
-.grey { height: 10px; background: #80808040; }
-.frame { height: 8px; border: 2px solid currentColor; border-width: 0 2px; width: 12px; }
-.none { display: none; }
-.hand { height: 3px; background: #C77C00; }
-.dots-grey { height: 6px; width: 6px; border-radius: 3px; background: #808080; }
-.dots { height: 8px; border-radius: 4px; background: var(--classes); }
-"""
-
-
-def plain_text(text: str, **params: Any) -> pn.pane.HTML:
-    """Text that is never read as HTML, whoever wrote it."""
-    return pn.pane.HTML(html.escape(text), **{"sizing_mode": WIDE, **params})
+CARD = {"padding": "12px 16px", "border": "1px solid var(--mui-palette-divider)", "border-radius": "4px"}
+"""Frame of a figure and what belongs to it. A component's Paper looks the same, but the figures in it
+are painted 0.3 s later."""
 
 
 def reachable(name: str, table: str) -> str:
@@ -55,25 +39,6 @@ def page_layout(*parts: Viewable) -> Viewable:
     return pn.Column(*parts, sizing_mode=WIDE, margin=(8, 8), css_classes=["sd-body"])
 
 
-def class_heading(index: int, choice: Choice) -> pn.pane.HTML:
-    """Name of a class with its colour: ``■ M0 · 10³–10⁵ M☉ · 2000 streams``."""
-    words = f"M{index} · {choice.label} · {choice.config.n_streams} streams"
-    return pn.pane.HTML(
-        f"<div style='font: 500 15px/1.5 Roboto, sans-serif'>"
-        f"<span style='color:{class_colour(index)}' aria-hidden='true'>■</span> {html.escape(words)}</div>",
-        margin=(6, 0, 0, 0),
-        css_classes=["sd-class"],
-    )
-
-
-def heading(text: str) -> pn.pane.HTML:
-    """Heading of a part of a page."""
-    words = html.escape(text)
-    return pn.pane.HTML(
-        f"<h2 style='font: 500 22px/1.4 Roboto, sans-serif; margin: 0'>{words}</h2>", margin=4
-    )
-
-
 def figure_cell(heading: Viewable, figure: UIElement) -> Viewable:
     """A figure under its heading, for `figure_grid`."""
     return pn.Column(heading, pn.pane.Bokeh(figure, sizing_mode=WIDE, margin=0), sizing_mode=WIDE, margin=0)
@@ -91,29 +56,125 @@ def figure_grid(figures: Sequence[UIElement | Viewable], narrowest: int = 330) -
     return pn.FlexBox(*cells, gap="12px", sizing_mode=WIDE, margin=0)
 
 
-def legend(entries: Sequence[tuple[str, str]], classes: int) -> pn.pane.HTML:
-    """A line of swatches and words above a figure.
+class FigureCard:
+    """A figure with heading, sentence, downloads and the code that makes it.
 
     Parameters
     ----------
-    entries
-        Kind of swatch and words; kinds are ``image``, ``band``, ``line``, ``ink``, ``dashes``,
-        ``grey``, ``frame``, ``dots``, ``dots-grey``, ``hand`` (a fly-by chosen by hand) and ``none``.
-        Bands, lines and dots show the colours of all classes.
-    classes
-        Number of classes shown.
+    title
+        Heading.
+    figures
+        One Bokeh figure or Panel object, or several shown side by side.
+    name
+        Stem of the downloaded files' names; ``sd-card-<name>`` is the card's CSS class.
+    image
+        Called with ``"png"`` or ``"svg"``; returns the bytes of the figure as it is now.
+    table
+        Returns the figure's numbers as they are now, units in the column names.
+    code
+        Returns the lines of Python that make the figure as it is now.
+    legend
+        Shown between heading and figure.
+
+    Attributes
+    ----------
+    files : dict
+        By kind (``png``, ``svg``, ``csv``), what a download calls for its bytes.
     """
-    items = "".join(
-        f"<span class='item'><span class='swatch {html.escape(kind)}'></span>{html.escape(words)}</span>"
-        for kind, words in entries
+
+    def __init__(
+        self,
+        title: str,
+        figures: Any,
+        *,
+        name: str,
+        image: Callable[[str], bytes],
+        table: Callable[[], pd.DataFrame],
+        code: Callable[[], str],
+        legend: Viewable | None = None,
+    ) -> None:
+        self._code = code
+        self._sentence = LiveText(sizing_mode=WIDE, margin=(6, 0), css_classes=["sd-sentence"])
+        self._listing = pn.pane.HTML(
+            "", stylesheets=[CODE_STYLE], sizing_mode=WIDE, margin=0, css_classes=["sd-code"]
+        )
+        figures = figures if isinstance(figures, list | tuple) else [figures]
+        heading = pmui.Typography(html.escape(title), variant="h6", margin=0, sx={"flex": "1 1 auto"})
+        self.files = {
+            "png": lambda: image("png"),
+            "svg": lambda: image("svg"),
+            "csv": lambda: table().to_csv(index=False, float_format="%.6g").encode(),
+        }
+        self._downloads = [
+            download(f"streamdash-{name}.{kind}", kind, make, disabled=True)
+            for kind, make in self.files.items()
+        ]
+        self._accordion = pmui.Accordion(
+            ("Show the code", self._listing),
+            title_variant="body2",
+            disable_gutters=True,
+            sizing_mode=WIDE,
+            margin=0,
+            elevation=0,
+            css_classes=["sd-show-code"],
+        )
+        self._accordion.param.watch(lambda _: self._list(), "active")
+        kinds = pn.Row(*self._downloads, margin=0)
+        head = pn.FlexBox(heading, kinds, align_items="center", gap="4px 12px", sizing_mode=WIDE, margin=0)
+        self.view = pn.Column(
+            head,
+            *([legend] if legend else []),
+            figure_grid(figures),
+            self._sentence,
+            self._accordion,
+            sizing_mode=WIDE,
+            margin=(8, 0),
+            styles=CARD,
+            css_classes=["sd-card", f"sd-card-{name}"],
+        )
+
+    def say(self, sentence: str, *, ready: bool = True) -> None:
+        """Set the sentence under the figure; also refreshes the code where it is open.
+
+        The downloads can be pressed while there is a sentence, unless ``ready`` says otherwise:
+        a figure that is not there yet has none.
+        """
+        self._sentence.text = sentence
+        for file in self._downloads:
+            file.disabled = not (sentence and ready)
+        self._list()
+
+    def _list(self) -> None:
+        if self._accordion.active:
+            self._listing.object = f"<pre tabindex='0'><code>{html.escape(self._code())}</code></pre>"
+
+
+def folded(title: str, parts: Sequence[Viewable], name: str, **params: Any) -> Viewable:
+    """What few need, closed until somebody opens it; ``sd-<name>`` is its class."""
+    return pmui.Accordion(
+        (title, pn.Column(*parts, sizing_mode=WIDE, margin=0, styles={"overflow-x": "auto"})),
+        disable_gutters=True,
+        elevation=0,
+        css_classes=[f"sd-{name}"],
+        **{"sizing_mode": WIDE, "margin": (8, 0), **params},
     )
-    share = 100 / max(classes, 1)
-    stripes = ", ".join(
-        f"{class_colour(i)} {i * share:.0f}% {(i + 1) * share:.0f}%" for i in range(max(classes, 1))
-    )
-    return pn.pane.HTML(
-        f"<div class='legend' style='--classes: linear-gradient(90deg, {stripes})'>{items}</div>",
-        stylesheets=[LEGEND_STYLE],
-        sizing_mode=WIDE,
-        margin=(4, 0),
+
+
+def document(title: str, markdown: str, name: str) -> Viewable:
+    """A longer text of ours, closed until somebody opens it; ``sd-<name>`` is its class."""
+    text = pn.pane.Markdown(markdown, renderer_options={"html": False}, sizing_mode=WIDE, margin=(0, 8))
+    return folded(title, [text], name)
+
+
+def download(filename: str, kind: str, make: Callable[[], bytes], **params: Any) -> pmui.FileDownload:
+    """A button that downloads what ``make()`` returns then; ``sd-download-<kind>`` is its class."""
+    return pmui.FileDownload(
+        callback=lambda: io.BytesIO(make()),
+        filename=filename,
+        label=kind.upper(),
+        variant="text",
+        size="small",
+        margin=0,
+        css_classes=[f"sd-download-{kind}"],
+        **params,
     )

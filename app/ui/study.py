@@ -73,7 +73,7 @@ class Study:
     code : callable
         Lines of Python that run as shown.
     legend : sequence of (kind, words)
-        See `app.ui.layout.legend`.
+        See `app.ui.legend`.
     """
 
     name: str

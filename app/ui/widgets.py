@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable
 from typing import Any
 
@@ -14,11 +13,17 @@ from panel.viewable import Viewable
 from app.page import Page
 from app.session.catalog import CLASSES_MAX, CLASSES_MIN
 from app.ui.layout import WIDE
-from app.ui.theme import MENU_STYLE
+from app.ui.text import caption
 from streamdash.naming import class_colour
 
 SLIDER_DELAY = 10
 """Milliseconds in which moves of one slider are gathered; Panel's 50 are a third of our budget."""
+_ARROW = "%3Cpath d='M2 4l4 5 4-5z' fill='%23808080'/%3E"
+MENU_STYLE = f"""
+select.bk-input {{ background-image: url("data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' \
+width='12' height='12'%3E{_ARROW}%3C/svg%3E") !important; }}
+"""
+"""The browser's own menu, with an arrow that is seen on any ground; Panel's is black."""
 
 
 def slider(page: Page, name: str, label: str, step: float = 0.01, **params: Any) -> pmui.FloatSlider:
@@ -142,11 +147,6 @@ def text_field(page: Page, name: str, label: str, help: str, placeholder: str = 
     options = {"size": "small", "sizing_mode": WIDE, "margin": 0, "css_classes": [f"sd-{name}"]}
     widget = page.bind(name, pmui.TextInput(label=label, placeholder=placeholder, **options))
     return pn.Column(widget, caption(help), sizing_mode=WIDE, margin=(4, 0))
-
-
-def caption(text: str) -> pmui.Typography:
-    """Small heading of a control that has none of its own."""
-    return pmui.Typography(html.escape(text), variant="caption", margin=0)
 
 
 def _sized(name: str, params: dict[str, Any]) -> dict[str, Any]:

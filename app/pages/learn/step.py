@@ -24,7 +24,7 @@ class Step:
     uses: frozenset[str] = frozenset()
     ink: tuple[str, ...] = ()
     legend: tuple[tuple[str, str], ...] = ()
-    """Swatches and words, see `app.ui.layout.legend`."""
+    """Swatches and words, see `app.ui.legend`."""
 
     def __init__(self, page: Page) -> None:
         self.page, self.session, self.services = page, page.session, page.services

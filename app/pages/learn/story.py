@@ -12,7 +12,6 @@ from app.pages.learn.text import GLOSSARY
 from app.services.comparison import set_range
 from app.session.session import link_to
 from app.ui.browser import Links
-from app.ui.layout import heading
 from streamdash.config import StreamModel
 from streamdash.plots.live import LiveFigure, export
 
@@ -94,7 +93,7 @@ class StoryLesson:
         )
         self._say()
         left = pn.Column(
-            heading(f"{session.step}. {step.title}"),
+            ui.heading(f"{session.step}. {step.title}"),
             self.words,
             self.links,
             margin=0,

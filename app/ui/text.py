@@ -1,0 +1,122 @@
+"""What a page says: text, headings, legends, and the sentences that stand by themselves."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+
+from app.session.catalog import Choice
+from app.ui.layout import WIDE
+from streamdash.naming import class_colour
+
+LEGEND_STYLE = """
+.legend { display: flex; flex-wrap: wrap; gap: 4px 18px; font: 13px/1.5 Roboto, sans-serif; }
+.item { display: inline-flex; align-items: center; gap: 6px; }
+.swatch { display: inline-block; width: 24px; height: 2px; }
+.image { height: 10px; background: linear-gradient(#8080801a, #808080e0, #8080801a); }
+.band { height: 10px; background: var(--classes); opacity: 0.4; }
+.line { background: var(--classes); }
+.ink { height: 3px; background: currentColor; }
+.dashes { height: 0; border-top: 2px dashed currentColor; }
+.grey { height: 10px; background: #80808040; }
+.frame { height: 8px; border: 2px solid currentColor; border-width: 0 2px; width: 12px; }
+.none { display: none; }
+.hand { height: 3px; background: #C77C00; }
+.dots-grey { height: 6px; width: 6px; border-radius: 3px; background: #808080; }
+.dots { height: 8px; border-radius: 4px; background: var(--classes); }
+"""
+
+
+def plain_text(text: str, **params: Any) -> pn.pane.HTML:
+    """Text that is never read as HTML, whoever wrote it."""
+    return pn.pane.HTML(html.escape(text), **{"sizing_mode": WIDE, **params})
+
+
+def caption(text: str) -> pmui.Typography:
+    """Small heading of a control that has none of its own."""
+    return pmui.Typography(html.escape(text), variant="caption", margin=0)
+
+
+def class_heading(index: int, choice: Choice) -> pn.pane.HTML:
+    """Name of a class with its colour: ``■ M0 · 10³–10⁵ M☉ · 2000 streams``."""
+    words = f"M{index} · {choice.label} · {choice.config.n_streams} streams"
+    return pn.pane.HTML(
+        f"<div style='font: 500 15px/1.5 Roboto, sans-serif'>"
+        f"<span style='color:{class_colour(index)}' aria-hidden='true'>■</span> {html.escape(words)}</div>",
+        margin=(6, 0, 0, 0),
+        css_classes=["sd-class"],
+    )
+
+
+def heading(text: str) -> pn.pane.HTML:
+    """Heading of a part of a page."""
+    words = html.escape(text)
+    return pn.pane.HTML(
+        f"<h2 style='font: 500 22px/1.4 Roboto, sans-serif; margin: 0'>{words}</h2>", margin=4
+    )
+
+
+def legend(entries: Sequence[tuple[str, str]], classes: int) -> pn.pane.HTML:
+    """A line of swatches and words above a figure.
+
+    Parameters
+    ----------
+    entries
+        Kind of swatch and words; kinds are ``image``, ``band``, ``line``, ``ink``, ``dashes``,
+        ``grey``, ``frame``, ``dots``, ``dots-grey``, ``hand`` (a fly-by chosen by hand) and ``none``.
+        Bands, lines and dots show the colours of all classes.
+    classes
+        Number of classes shown.
+    """
+    items = "".join(
+        f"<span class='item'><span class='swatch {html.escape(kind)}'></span>{html.escape(words)}</span>"
+        for kind, words in entries
+    )
+    share = 100 / max(classes, 1)
+    stripes = ", ".join(
+        f"{class_colour(i)} {i * share:.0f}% {(i + 1) * share:.0f}%" for i in range(max(classes, 1))
+    )
+    return pn.pane.HTML(
+        f"<div class='legend' style='--classes: linear-gradient(90deg, {stripes})'>{items}</div>",
+        stylesheets=[LEGEND_STYLE],
+        sizing_mode=WIDE,
+        margin=(4, 0),
+    )
+
+
+def message(sentences: Sequence[str], kind: str = "info") -> pmui.Alert:
+    """Sentences in a coloured bar that can be closed; ``kind`` is info, warning or error."""
+    return _alert(sentences, kind, "sd-message", closeable=True)
+
+
+def error_state(sentence: str) -> pmui.Alert:
+    """What takes the place of a page or panel that cannot be shown."""
+    return _alert([sentence], "error", "sd-error-state")
+
+
+def no_ensembles() -> pmui.Alert:
+    """What a page shows when the cache holds nothing to show."""
+    return _alert(
+        [
+            "There are no simulated streams in the cache yet.",
+            "Run “streamdash simulate --mass 1e3-1e5 --streams 1000”, the same for 1e5-1e9, and reload.",
+        ],
+        "info",
+        "sd-empty-state",
+    )
+
+
+def _alert(sentences: Sequence[str], kind: str, css_class: str, **params: Any) -> pmui.Alert:
+    return pmui.Alert(
+        # Not the alert's own text: that is read as Markdown.
+        *(plain_text(sentence, margin=0) for sentence in sentences),
+        severity=kind,
+        sizing_mode=WIDE,
+        margin=(8, 16),
+        css_classes=[css_class, f"sd-{kind}"],
+        **params,
+    )
