@@ -3,10 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from streamdash.cli.columns import (
+    BinOption,
+    ConstantOption,
+    CoordinateOption,
+    ErrorKindOption,
+    ErrorOption,
+    ErrorUnitOption,
+    KindOption,
+    OrderOption,
+    PositionOption,
+    SmoothOption,
+    UpperOption,
+    ValueOption,
+    WidthOption,
+    naming_options,
+)
 from streamdash.cli.common import (
     ArmOption,
     CacheOption,
@@ -32,27 +48,19 @@ def classify_command(
     ] = "1e3-1e5,1e5-1e9",
     stream: StreamOption = None,
     arm: ArmOption = None,
-    coordinate: Annotated[
-        Literal["ell", "phi1", "xi"] | None, typer.Option(help="What positions are.")
-    ] = None,
-    position: Annotated[str | None, typer.Option(help="Column with the middle of the bins.")] = None,
-    upper: Annotated[
-        str | None, typer.Option(help="Column with their upper end; position is the lower.")
-    ] = None,
-    width: Annotated[float | None, typer.Option(help="Width of the bins (deg).")] = None,
-    value: Annotated[str | None, typer.Option(help="Column that was measured.")] = None,
-    kind: Annotated[
-        Literal["q_rho", "density", "counts", "detrended"] | None, typer.Option(help="What the value is.")
-    ] = None,
-    smooth: Annotated[str | None, typer.Option(help="Column with the smooth profile.")] = None,
-    order: Annotated[
-        int | None, typer.Option(help="Polynomial divided out; 0: the mean, -1: nothing.")
-    ] = None,
-    error_kind: Annotated[
-        Literal["column", "constant", "poisson"] | None, typer.Option(help="Where errors come from.")
-    ] = None,
-    error: Annotated[str | None, typer.Option(help="Column with the errors.")] = None,
-    constant: Annotated[float | None, typer.Option(help="Relative error of all bins.")] = None,
+    coordinate: CoordinateOption = None,
+    position: PositionOption = None,
+    upper: UpperOption = None,
+    width: WidthOption = None,
+    stars: BinOption = None,
+    value: ValueOption = None,
+    kind: KindOption = None,
+    smooth: SmoothOption = None,
+    order: OrderOption = None,
+    error_kind: ErrorKindOption = None,
+    error: ErrorOption = None,
+    error_unit: ErrorUnitOption = None,
+    constant: ConstantOption = None,
     html: Annotated[
         Path | None, typer.Option("--report", metavar="HTML", help="Also write a report.")
     ] = None,
@@ -73,15 +81,17 @@ def classify_command(
         "position": position,
         "upper": upper,
         "width": width,
+        "bin": stars,
         "value": value,
         "kind": kind,
         "smooth": smooth,
         "order": order,
         "error_kind": error_kind,
         "error": error,
+        "error_unit": error_unit,
         "constant": constant,
     }
-    with wrong_input():
+    with wrong_input(), naming_options():
         model = named_stream(stream or STREAM_NAMES[0]).arm(arm)
         result, page = classify(_read(file), make_cache(cache), mass.split(","), changes, model)
         if html is not None:
@@ -106,7 +116,7 @@ def classify(
     ValueError
         In one sentence, when the table or a choice cannot be used.
     """
-    from streamdash.observe.guess import changed, guess
+    from streamdash.observe.guess import assume
     from streamdash.observe.observation import interpret
     from streamdash.observe.report import report
     from streamdash.observe.table import read_table
@@ -116,8 +126,7 @@ def classify(
 
     configs = [_find(cache, label.strip(), stream or StreamModel()) for label in labels]
     table = read_table(data)
-    assumptions = changed(guess(table), changes)
-    observation = interpret(table, assumptions, load_geometry(configs[0].stream, cache))
+    observation = interpret(table, assume(table, changes), load_geometry(configs[0].stream, cache))
     with progress_bar() as titled:
         prepared = prepare(cache, configs, observation.design, titled("Learning from streams so observed"))
     result = report(judge(prepared, observation), observation, prepared)

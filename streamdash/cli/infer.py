@@ -7,6 +7,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from streamdash.cli.columns import (
+    BinOption,
+    ConstantOption,
+    CoordinateOption,
+    ErrorKindOption,
+    ErrorOption,
+    ErrorUnitOption,
+    KindOption,
+    OrderOption,
+    PositionOption,
+    SmoothOption,
+    UpperOption,
+    ValueOption,
+    WidthOption,
+    naming_options,
+)
 from streamdash.cli.common import (
     ArmOption,
     CacheOption,
@@ -34,9 +50,19 @@ def infer_command(
     stream: StreamOption = None,
     arm: ArmOption = None,
     prior: Annotated[str, typer.Option("--prior", metavar="NAME|JSON", help=PRIOR_HELP)] = "rate",
-    order: Annotated[
-        int | None, typer.Option(help="Polynomial divided out; 0: the mean, -1: nothing.")
-    ] = None,
+    coordinate: CoordinateOption = None,
+    position: PositionOption = None,
+    upper: UpperOption = None,
+    width: WidthOption = None,
+    stars: BinOption = None,
+    value: ValueOption = None,
+    kind: KindOption = None,
+    smooth: SmoothOption = None,
+    order: OrderOption = None,
+    error_kind: ErrorKindOption = None,
+    error: ErrorOption = None,
+    error_unit: ErrorUnitOption = None,
+    constant: ConstantOption = None,
     streams: Annotated[
         int, typer.Option("--streams", min=500, max=200_000, help="Streams of the prior to learn from.")
     ] = 20_000,
@@ -50,7 +76,22 @@ def infer_command(
     """
     from streamdash.observe.infer import infer
 
-    with wrong_input():
+    changes = {
+        "coordinate": coordinate,
+        "position": position,
+        "upper": upper,
+        "width": width,
+        "bin": stars,
+        "value": value,
+        "kind": kind,
+        "smooth": smooth,
+        "order": order,
+        "error_kind": error_kind,
+        "error": error,
+        "error_unit": error_unit,
+        "constant": constant,
+    }
+    with wrong_input(), naming_options():
         asked = read_prior(prior)
         with progress_bar() as titled:
             found = infer(
@@ -58,7 +99,7 @@ def infer_command(
                 stream or STREAM_NAMES[0],
                 asked,
                 arm,
-                {"order": order},
+                changes,
                 make_cache(cache),
                 streams,
                 lambda what, done, total: titled(what)(done, total),

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
 from streamdash.observe.guess import Assumptions, Kind
+from streamdash.observe.names import is_right_ascension
 from streamdash.observe.table import ObservationError, shown
 
 RADIANS = 7.0
 """Positions that are all smaller than this are not degrees on the stream."""
+DEGREES = frozenset({"", "deg", "degree", "degrees", "degr", "°"})
+"""Units of positions that are read."""
 N_SIGMA = 3.0
 """How far below zero, in errors, a measured density may lie."""
 
@@ -23,29 +24,34 @@ def check_positions(x: np.ndarray, lines: np.ndarray, name: str) -> None:
         raise ObservationError(
             f"Line {lines[i]}, column “{shown(name)}”: {_said(x[i])} is not a position in degrees."
         )
-    if re.fullmatch(r"(ra|raj2000|rightascension|alpha)([_ ]?(deg|icrs|j2000))?", name.strip().lower()):
+    if is_right_ascension(name):
         raise ObservationError(
             f"Column “{shown(name)}” is a right ascension; give Galactic longitude l or, as the stream has "
             "it, φ1 or ξ instead."
         )
 
 
-def check_order(x: np.ndarray, lines: np.ndarray, name: str) -> None:
-    """Positions must rise or fall from row to row, without repeats."""
-    steps = np.diff(x)
-    repeated = np.flatnonzero(steps == 0)
+def check_unit(unit: str | None, name: str) -> None:
+    """Positions must be in degrees, where the file states their unit."""
+    if (unit or "").strip().lower() not in DEGREES:
+        raise ObservationError(
+            f"Column “{shown(name)}” is in {shown(unit or '')}; positions are given in degrees."
+        )
+
+
+def rising(x: np.ndarray, lines: np.ndarray, name: str, notes: list[str]) -> np.ndarray:
+    """Rows in rising order of the position; each must be given once, in whatever order."""
+    rows = np.argsort(x, kind="stable")
+    repeated = np.flatnonzero(np.diff(x[rows]) == 0)
     if len(repeated):
-        i = int(repeated[0]) + 1
+        i = rows[int(repeated[0]) + 1]
         raise ObservationError(
             f"Line {lines[i]}, column “{shown(name)}”: {x[i]:g} is there twice; each bin must be given once."
         )
+    steps = np.diff(x)
     if len(steps) and not ((steps > 0).all() or (steps < 0).all()):
-        main = np.sign(np.median(np.sign(steps))) or np.sign(steps[0])
-        i = int(np.argmax(np.sign(steps) != main)) + 1
-        raise ObservationError(
-            f"Line {lines[i]}, column “{shown(name)}”: {x[i]:g} after {x[i - 1]:g} is out of order; sort the "
-            "bins."
-        )
+        notes.append(f"The rows were not in order of “{shown(name)}” and were sorted by it.")
+    return rows
 
 
 def inside_window(

@@ -23,7 +23,7 @@ from streamdash.inference.files import (
 from streamdash.inference.posterior import Posterior
 from streamdash.inference.prior_ensemble import PriorEnsemble
 from streamdash.inference.words import sentences
-from streamdash.observe.guess import changed, guess
+from streamdash.observe.guess import assume
 from streamdash.observe.observation import Observation, interpret
 from streamdash.observe.table import MAX_BYTES, read_table
 from streamdash.prior import PRIORS, Prior
@@ -127,7 +127,7 @@ def infer(
     profile : a file, its bytes, or a table: positions, values and errors.
     stream, arm : name of the stream, and of its arm.
     prior : "rate", "population", or a `Prior`.
-    changes : what the columns are, where the guess is wrong; see `streamdash.observe.guess.changed`.
+    changes : what the columns are, where the guess is wrong; see `streamdash.observe.guess.assume`.
     kept_in : folder for trained estimators; one in the user's cache folder by default.
 
     Raises
@@ -139,8 +139,7 @@ def infer(
     asked = _prior(prior)
     model = named_stream(stream).arm(arm)
     table = read_table(_bytes(profile))
-    assumptions = changed(guess(table), changes or {})
-    observation = interpret(table, assumptions, load_geometry(model, cache))
+    observation = interpret(table, assume(table, changes), load_geometry(model, cache))
     design = observation.design
     estimator = _shipped(stream, asked, observation, arm)
     key = estimator_key(asked, model, design, n_streams, QUICK)

@@ -15,12 +15,14 @@ from streamdash.engine.geometry import Geometry
 from streamdash.observe.checks import (
     RADIANS,
     check_errors,
-    check_order,
     check_positions,
+    check_unit,
     check_values,
     inside_window,
+    rising,
 )
-from streamdash.observe.guess import KINDS, Assumptions, guess
+from streamdash.observe.guess import ERROR_UNITS, KINDS, Assumptions, assume, open_questions
+from streamdash.observe.stars import counted
 from streamdash.observe.table import ObservationError, Table, read_table, shown
 from streamdash.survey.design import AS_IS, FLOOR, Design, Quantity, polynomial_fit, smooth_curve, window
 from streamdash.survey.sky import coordinates
@@ -42,26 +44,35 @@ class Observation:
     ----------
     assumptions : Assumptions
         What the columns were taken to be.
+    used : Assumptions
+        The same for what was compared: of stars, for their counts.
     design : Design
         Bins and errors; all that simulated streams need to be observed alike.
     q : ndarray (n_bin,)
         The measured values, divided as the design says.
     notes : tuple of str
         What was left out or changed, one sentence each.
+    n_rows : int
+        Bins of the table, used or not.
     n_outside : int
-        Rows beyond the simulated stretch of the stream.
+        Bins beyond the simulated stretch of the stream.
+    n_missing : int
+        Bins within it that have no value.
     """
 
     assumptions: Assumptions
+    used: Assumptions
     design: Design
     q: np.ndarray
     notes: tuple[str, ...]
+    n_rows: int
     n_outside: int
+    n_missing: int
 
     @property
     def stated(self) -> tuple[str, ...]:
         """Every assumption in words, then the notes."""
-        return (*in_words(self.assumptions, self.design), *self.notes)
+        return (*in_words(self.used, self.design), *self.notes)
 
 
 def read_observation(
@@ -73,7 +84,7 @@ def read_observation(
     ----------
     data : the bytes of the file, see `read_table`.
     geometry : of the stream that is simulated.
-    assumptions : what the columns are; by default what `guess` says.
+    assumptions : what the columns are; by default what `assume` says.
 
     Raises
     ------
@@ -81,7 +92,7 @@ def read_observation(
         In one sentence: what is wrong, in which line and column, and what to do.
     """
     table = read_table(data)
-    return table, interpret(table, assumptions or guess(table), geometry)
+    return table, interpret(table, assumptions or assume(table), geometry)
 
 
 @np.errstate(over="ignore", under="ignore", invalid="ignore", divide="ignore")
@@ -90,11 +101,16 @@ def interpret(table: Table, assumptions: Assumptions, geometry: Geometry) -> Obs
 
     Raises
     ------
+    Undecided
+        When something must be chosen that the table does not decide.
     ObservationError
         In one sentence: what is wrong, in which line and column, and what to do.
     """
     a = assumptions
-    notes: list[str] = []
+    notes = list(table.notes)
+    check_positions(table.column(a.position), table.lines, a.position)
+    check_unit(table.units.get(a.position), a.position)
+    _ask(table, a, "bin", "coordinate")
     along = coordinates(geometry)
     if a.coordinate not in along:
         raise ObservationError(
@@ -102,7 +118,9 @@ def interpret(table: Table, assumptions: Assumptions, geometry: Geometry) -> Obs
             f"have; give {NAMES[along[0]]} or {NAMES[along[1]]}, or choose the stream that was measured."
         )
     limits = window(geometry, a.coordinate)
-    rows = _rising(table, a.position)
+    if a.bin is not None:
+        table, a = counted(table, a, limits, notes)
+    rows = rising(table.column(a.position), table.lines, a.position, notes)
     low, high = _bins(table, a, rows, limits, notes)
     value, lines = table.column(a.value)[rows], table.lines[rows]
     inside = inside_window(low, high, limits, a, NAMES[a.coordinate])
@@ -118,10 +136,17 @@ def interpret(table: Table, assumptions: Assumptions, geometry: Geometry) -> Obs
         notes.append(f"{n_missing} rows have no value of “{shown(a.value)}” and are treated as gaps.")
     used = inside & present
     _check_count(int(used.sum()), n_outside)
+    _ask(table, a, *a.undecided)
     rows, low, high, value, lines = rows[used], low[used], high[used], value[used], lines[used]
     relative, error = _values_and_errors(table, a, rows, high - low, notes)
     design, q = _design(a, low, high, relative, error)
-    return Observation(a, design, q, tuple(notes), n_outside)
+    return Observation(assumptions, a, design, q, tuple(notes), len(present), n_outside, n_missing)
+
+
+def _ask(table: Table, a: Assumptions, *fields: str) -> None:
+    asked = open_questions(table, a, fields)
+    if asked is not None:
+        raise asked
 
 
 def in_words(a: Assumptions, design: Design) -> list[str]:
@@ -155,26 +180,16 @@ def in_words(a: Assumptions, design: Design) -> list[str]:
     typical = f"typically {np.median(design.sigma):.2g} of the smooth curve"
     sentences.append(
         {
-            "column": f"The error is “{shown(a.error or '')}”, one standard deviation: {typical}.",
-            "constant": f"The table has no error: {a.constant:g} of the smooth curve is assumed in all bins.",
+            "column": f"The error is “{shown(a.error or '')}”, one standard deviation "
+            f"{ERROR_UNITS[a.error_unit]}: {typical}.",
+            "constant": f"The error is taken to be {a.constant:g} of the smooth curve in every bin.",
             "poisson": f"The error is Poisson’s, the square root of the counts: {typical}.",
         }[a.error_kind]
-        if not (a.error_kind == "constant" and a.error)
-        else f"The error is taken to be {a.constant:g} of the smooth curve in every bin."
     )
     return sentences
 
 
 # ---------------------------------------------------------------- bins
-
-
-def _rising(table: Table, position: str) -> np.ndarray:
-    """Row numbers in rising order of the position, which must run one way."""
-    x = table.column(position)
-    check_positions(x, table.lines, position)
-    check_order(x, table.lines, position)
-    rows = np.arange(len(x))
-    return rows if len(x) < 2 or x[-1] > x[0] else rows[::-1]
 
 
 def _bins(
@@ -249,6 +264,8 @@ def _values_and_errors(
         if a.error is None:
             raise ObservationError("Name the column with the errors, or choose constant or Poisson errors.")
         error = table.column(a.error)[rows]
+        if a.error_unit != "value":
+            error = error * value / (100.0 if a.error_unit == "percent" else 1.0)
         check_errors(error, lines, a.error)
     elif a.error_kind == "poisson":
         if a.kind != "counts":

@@ -70,7 +70,9 @@ class Table:
     header : bool
         Whether the names come from the file.
     units : dict of str to str
-        Units by column, where an ECSV header states them.
+        Units by column, where the file states them.
+    notes : tuple of str
+        What was made of the file that its author may not expect, one sentence each.
     """
 
     names: tuple[str, ...]
@@ -78,6 +80,7 @@ class Table:
     lines: np.ndarray
     header: bool
     units: dict[str, str]
+    notes: tuple[str, ...] = ()
 
     @property
     def n_rows(self) -> int:

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from streamdash.config import ConfigError
-from streamdash.observe.guess import Assumptions, changed, guess
+from streamdash.observe.guess import Assumptions, Undecided, assume, changed, guess
 from streamdash.observe.observation import interpret, read_observation
 from streamdash.observe.table import MAX_BYTES, MAX_NAME, MAX_ROWS, ObservationError, read_table
 from streamdash.survey.design import AS_IS, ORDER_MAX
@@ -22,6 +22,12 @@ def csv(*columns: np.ndarray, header: str = "", separator: str = ",") -> bytes:
     return (f"{header}\n{rows}\n" if header else f"{rows}\n").encode()
 
 
+def shuffled(data: bytes) -> bytes:
+    """The same table with its rows in another order."""
+    head, *rows = data.decode().splitlines()
+    return "\n".join([head, *np.random.default_rng(1).permutation(rows)]).encode()
+
+
 def profile(**changes: str) -> bytes:
     """A good table of φ1, Qρ and error, with the words of some lines replaced."""
     lines = csv(PHI1, Q, 0.1 + 0 * Q, header="phi1,q_rho,error").decode().splitlines()
@@ -33,7 +39,7 @@ def profile(**changes: str) -> bytes:
 def refused(data: bytes, geometry, **changes) -> str:
     with pytest.raises(ObservationError) as error:
         table = read_table(data)
-        interpret(table, changed(guess(table), changes), geometry)
+        interpret(table, assume(table, changes), geometry)
     sentence = str(error.value)
     assert "\n" not in sentence
     assert len(sentence) < 400
@@ -56,12 +62,18 @@ def refused(data: bytes, geometry, **changes) -> str:
         csv(PHI1, Q, 0.1 + 0 * Q, header="phi1,q_rho,error").replace(b"\n", b"\r"),
         csv(PHI1[::-1], Q[::-1], 0.1 + 0 * Q, header="phi1,q_rho,error"),
         csv(PHI1 + 360, Q, 0.1 + 0 * Q, header="phi1,q_rho,error"),
+        shuffled(csv(PHI1, Q, 0.1 + 0 * Q, header="phi1,q_rho,error")),
         csv(PHI1, Q, 0.1 + 0 * Q),
     ],
-    ids=["csv", "tsv", "semicolons", "blanks", "commented", "dos", "bom", "mac", "falling", "turn", "bare"],
+    ids=[
+        *("csv", "tsv", "semicolons", "blanks", "commented", "dos", "bom", "mac", "falling", "turn"),
+        *("shuffled", "bare"),
+    ],
 )
 def test_the_same_profile_in_any_dress(data, geometry):
-    _, observation = read_observation(data, geometry)
+    table = read_table(data)
+    named = {} if table.header else {"coordinate": "phi1", "kind": "q_rho"}
+    observation = interpret(table, assume(table, named), geometry)
     assert observation.assumptions.coordinate == "phi1"
     np.testing.assert_allclose(observation.q, Q / Q.mean(), rtol=2e-5)
     np.testing.assert_allclose(observation.design.sigma, 0.1 / Q.mean(), rtol=2e-5)
@@ -159,7 +171,6 @@ def test_every_assumption_is_stated_and_can_be_changed(geometry):
         (profile(line4="-86,abc,0.1"), "Line 4, column “q_rho”: “abc” is not a number"),
         (profile(line4="-86,1.0"), "Line 4 has 2 values"),
         (profile(line4="-88,1.0,0.1"), "Line 4, column “phi1”: -88 is there twice"),
-        (profile(line4="-91,1.0,0.1"), "Line 4, column “phi1”: -91 after -88 is out of order"),
         (profile(line4="nan,1.0,0.1"), "Line 4, column “phi1”: an empty cell is not a position"),
         (profile(line4="-86,inf,0.1"), "Line 4, column “q_rho”: inf is not a finite number"),
         (profile(line4="-86,-3,0.1"), "Line 4, column “q_rho”: -3 is negative by more than 3 errors"),
@@ -179,7 +190,7 @@ def test_every_assumption_is_stated_and_can_be_changed(geometry):
         (csv(PHI1, Q, 9 + 0 * Q, header="phi1,q,err"), "errors are larger than the values"),
         (csv(PHI1, np.round(50 * Q) - 45, header="phi1,counts"), "counts cannot be"),
         (csv(PHI1, 50 * Q, header="phi1,counts"), "not a whole number"),
-        (csv(PHI1, 1e7 * Q, header="phi1,q"), "holds values that no Qρ"),
+        (csv(PHI1, 1e7 * Q, Q, header="phi1,q,err"), "holds values that no Qρ"),
         (csv(PHI1, np.exp((PHI1 + 90) / 4), 1 + 0 * Q, header="phi1,density,err"), "close to zero or below"),
     ],
 )  # fmt: skip
@@ -211,6 +222,100 @@ def test_what_strangers_write_is_cut_and_made_printable(geometry):
     assert table.names[2].isprintable()
 
 
+# ------------------------------------------------------------------ asking
+
+
+ERR = 0.1 + 0 * Q
+GAIA = PHI1 + 240
+
+
+@pytest.mark.parametrize(
+    ("data", "fields", "choices"),
+    [
+        (csv(GAIA, Q, ERR), {"coordinate", "kind"}, {"coordinate": "ell", "kind": "q_rho"}),
+        (csv(PHI1, Q, ERR, header="angle,q,err"), {"coordinate"}, {"coordinate": "phi1"}),
+        (csv(PHI1, Q, header="phi1,q"), {"error"}, {"constant": 0.1}),
+        (csv(PHI1, Q, ERR, header="phi1,q,spread"), {"error"}, {"error": "spread"}),
+        (csv(PHI1, Q, ERR, ERR, header="phi1,q,err_lo,err_hi"), {"error"}, {"error": "err_hi"}),
+        (csv(PHI1, Q, ERR, ERR, header="phi1,q,e_1,sigma_2"), {"error"}, {"error": "e_1"}),
+        (csv(PHI1, Q, ERR, header="phi1,q,e_phi1"), {"error"}, {"error_kind": "constant"}),
+        (csv(PHI1, Q, ERR, header="phi1,profile,err"), {"kind"}, {"kind": "q_rho"}),
+        (csv(PHI1, Q, Q, ERR, header="phi1,y,z,err"), {"value", "kind"}, {"value": "z", "kind": "q_rho"}),
+        (csv(PHI1, Q, Q, Q, ERR), {"coordinate", "value", "kind", "error"}, None),
+    ],
+)
+def test_what_the_table_does_not_decide_is_asked_for(data, fields, choices, geometry):
+    table = read_table(data)
+    assert set(assume(table).undecided) == fields
+    with pytest.raises(Undecided):
+        interpret(table, assume(table), geometry)
+    if choices is not None and "ell" not in choices.values():
+        observation = interpret(table, assume(table, choices), geometry)
+        assert observation.assumptions.undecided == ()
+
+
+@pytest.mark.parametrize(
+    "name", ["ra", "RAJ2000", "_RAJ2000", "ALPHA2000", "alpha_j2000", "RA_ICRS", "ra_deg", "RA (deg)", "α"]
+)
+def test_a_right_ascension_is_not_a_longitude(name, geometry):
+    assert "right ascension" in refused(csv(GAIA, Q, ERR, header=f"{name},q,err"), geometry, coordinate="ell")
+
+
+def test_another_value_has_its_own_error_or_none(geometry):
+    table = read_table(
+        csv(PHI1, Q, ERR, 2 * Q, 3 * ERR, 4 * Q, header="phi1,density,e_density,flux,e_flux,x")
+    )
+    assert assume(table).error == "e_density"
+    assert assume(table, {"value": "flux", "kind": "density"}).error == "e_flux"
+    with pytest.raises(Undecided, match="error of “x”") as asked:
+        interpret(table, assume(table, {"value": "x", "kind": "density"}), geometry)
+    assert asked.value.fields == ("error",)
+    # The same for those who change what was guessed.
+    assert changed(guess(table), {"value": "x"}).undecided == ("error",)
+    assert changed(guess(table), {"value": "x", "error": "e_flux"}).undecided == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "unit"),
+    [("error_percent", 10.0, "percent"), ("e_q_%", 10.0, "percent"), ("rel_err", 0.1, "fraction")],
+)
+def test_relative_errors_are_relative(name, size, unit, geometry):
+    _, observation = read_observation(csv(PHI1, Q, size + 0 * Q, header=f"phi1,q,{name}"), geometry)
+    assert observation.assumptions.error_unit == unit
+    np.testing.assert_allclose(observation.design.sigma, 0.1 * Q / Q.mean(), rtol=2e-5)
+    assert "of the value" in " ".join(observation.stated)
+
+
+def test_different_units_of_value_and_error_are_asked_about(geometry):
+    head = "# %ECSV 1.0\n# - {name: phi1, unit: deg}\n# - {name: q, unit: 1/deg}\n# - {name: err, unit: 1/arcmin}"
+    table = read_table(csv(PHI1, Q, ERR, header=f"{head}\nphi1 q err", separator=" "))
+    assert assume(table).undecided == ("error_unit",)
+    interpret(table, assume(table, {"error_unit": "value"}), geometry)
+    table = read_table(csv(PHI1, Q, ERR, header="# - {name: phi1, unit: rad}\nphi1 q err", separator=" "))
+    with pytest.raises(ObservationError, match="in rad; positions are given in degrees"):
+        interpret(table, assume(table), geometry)
+
+
+def test_a_list_of_stars_is_offered_to_be_counted(geometry):
+    x = np.sort(np.random.default_rng(3).uniform(-95, -25, 900))[::-1]
+    data = csv(x, 20 + 0 * x, 0 * x, header="phi1,phi2,g_mag")
+    table = read_table(data)
+    with pytest.raises(Undecided, match="list of 900 stars") as asked:
+        interpret(table, assume(table), geometry)
+    assert asked.value.fields == ("bin",)
+    observation = interpret(table, assume(table, {"bin": 2.0}), geometry)
+    design = observation.design
+    np.testing.assert_allclose(design.high - design.low, 2.0)
+    assert any("counted as stars" in words for words in observation.notes)
+    whole = (x >= design.low[0]) & (x < design.high[-1])
+    assert abs(1 / np.median(design.sigma) ** 2 - whole.sum() / design.n_bin) < 8  # Poisson's
+    assert "no whole" not in refused(
+        data, geometry, bin=0
+    )  # rows are bins: something else is wrong with them
+    assert "choose wider" in refused(data, geometry, bin=0.05)
+    assert "choose narrower" in refused(data, geometry, bin=50.0, coordinate="phi1", position="g_mag")
+
+
 # ------------------------------------------------------------------ anything at all
 
 
@@ -218,7 +323,7 @@ def survives(data: bytes, geometry, **changes) -> None:
     """Reading ends in an observation of finite numbers or in one sentence."""
     try:
         table = read_table(data)
-        observation = interpret(table, changed(guess(table), changes), geometry)
+        observation = interpret(table, assume(table, changes), geometry)
     except ValueError as error:
         assert isinstance(error, ObservationError | ConfigError)
         assert len(str(error)) < 600

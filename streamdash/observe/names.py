@@ -1,0 +1,65 @@
+"""What the names of columns say: which are errors, of what, and whether they are relative."""
+
+from __future__ import annotations
+
+import re
+from typing import Literal
+
+_ERROR = re.compile(
+    r"^(e|err|error|sigma|sig|unc|uncertainty|std|stdev|rms|d)[_ .-]|err|sigma|uncert|stddev|stdev|"
+    r"[_ .-](e|std|unc|rms)$|^σ|^(e|std|unc|rms)$"
+)
+_MARKS = ("uncertainty", "uncert", "unc", "errors", "error", "err", "sigma", "sig", "stddev", "stdev", "std")
+"""What stands for an error inside of a name, longest first."""
+_WHOLE = frozenset({*_MARKS, "e", "d", "rms", "percent", "perc", "pct", "frac", "fraction", "fractional"}) | {
+    "rel",
+    "relative",
+    "σ",
+}
+_SIDES = re.compile(
+    r"(lo|low|lower|min|minus|m|neg|hi|high|upp|upper|up|max|plus|p|pos|16|84)|.*(lower|upper|minus|plus)"
+)
+_PERCENT = re.compile(r"percent|perc|pct|%")
+_FRACTION = re.compile(r"frac|relative|(^|[_ .-])rel([_ .-]|$)|^relerr|errrel$")
+_RIGHT_ASCENSION = re.compile(
+    r"(ra|alpha|α|rightascension)(j?2000|j?1950|j?2016|icrs|fk5|fk4|deg|degrees|hms|hours|mean|c)*"
+)
+
+
+def plain_name(name: str) -> str:
+    """Letters and digits of a name, in lower case."""
+    return "".join(c for c in name.lower() if c.isalnum())
+
+
+def is_error(name: str) -> bool:
+    """Whether a column is called an error."""
+    return _ERROR.search(name.strip().lower()) is not None
+
+
+def is_right_ascension(name: str) -> bool:
+    """Whether a column is called a right ascension."""
+    return _RIGHT_ASCENSION.fullmatch(plain_name(name)) is not None
+
+
+def error_stem(name: str) -> str:
+    """What an error column is the error of: its plain name without the words for errors."""
+    words = [word for word in re.split(r"[_ .()\[\]-]+", name.strip().lower()) if word]
+    left = [word for word in words if plain_name(word) not in _WHOLE and plain_name(word)]
+    stem = "".join(plain_name(word) for word in left)
+    for mark in _MARKS:
+        if len(mark) > 2:
+            stem = stem.removeprefix(mark).removesuffix(mark)
+    return stem.removeprefix("σ")
+
+
+def one_sided(name: str) -> bool:
+    """Whether an error column is called that of one side alone."""
+    words = [plain_name(w) for w in re.split(r"[_ .()\[\]-]+", name.strip().lower())]
+    return any(_SIDES.fullmatch(word) for word in words if word) or name.strip()[-1:] in "+-"
+
+
+def error_unit_of(name: str, unit: str | None = None) -> Literal["percent", "fraction"] | None:
+    """Whether an error is called relative, by its name or its unit; None where nothing says so."""
+    if _PERCENT.search(name.lower()) or (unit or "").strip().lower() in ("%", "percent", "pct"):
+        return "percent"
+    return "fraction" if _FRACTION.search(name.strip().lower()) else None
