@@ -10,9 +10,11 @@ from typing import Any
 import param
 from panel.custom import JSComponent
 
-from streamdash.observe.table import MAX_BYTES, too_large
+from streamdash.observe.table import MAX_BYTES, shown, too_large
 
 NOT_READ = "The file did not arrive whole; choose it again."
+NAME_CUT = 400
+"""Characters of a file's name that are looked at; operating systems allow 255."""
 
 
 class FileDrop(JSComponent):
@@ -30,6 +32,14 @@ class FileDrop(JSComponent):
     limit
         Largest file, in bytes. The browser is told; the server keeps its own number, which no message
         from a browser changes.
+    announce
+        Called with a file's name as soon as it was chosen, before the browser reads it: what was shown
+        of another file is out of date from then on.
+
+    Attributes
+    ----------
+    file_name : str
+        Name of the file that arrived last.
     """
 
     limit = param.Integer(MAX_BYTES, doc="largest file in bytes, for the browser alone: a client can set it")
@@ -41,13 +51,22 @@ class FileDrop(JSComponent):
         refuse: Callable[[str], Any],
         *,
         limit: int = MAX_BYTES,
+        announce: Callable[[str], Any] | None = None,
         **params: Any,
     ) -> None:
         super().__init__(limit=limit, too_large=too_large(limit), **params)
         self._bytes = limit
-        self._receive, self._refuse = receive, refuse
+        self._receive, self._refuse, self._announce = receive, refuse, announce
+        self.file_name = ""
 
     def _handle_msg(self, data: Any) -> None:
+        if isinstance(data, dict) and isinstance(data.get("chosen"), str):
+            if self._announce is not None:
+                self._announce(shown(data["chosen"][:NAME_CUT]))
+            return
+        self.file_name = ""
+        if isinstance(data, dict) and isinstance(data.get("name"), str):
+            self.file_name = shown(data["name"][:NAME_CUT])
         try:
             content = decoded(data, self._bytes)
         except ValueError as error:
@@ -63,22 +82,33 @@ class FileDrop(JSComponent):
       words.textContent = "Choose a table of a measured profile, or drop it here"
       const input = document.createElement("input")
       input.type = "file"
-      input.accept = ".csv,.tsv,.txt,.dat,.ecsv,text/*"
+      input.accept = ".csv,.tsv,.txt,.dat,.ecsv,.vot,.xml,.fits,.fit,.mrt,.tbl,text/*"
       const problem = document.createElement("p")
       problem.setAttribute("role", "alert")
       label.append(words, input, problem)
+      let turn = 0
+      // The field does not name a file that is not the one shown.
+      const refuse = (sentence) => { problem.textContent = sentence; input.value = "" }
       const take = (files) => {
         problem.textContent = ""
         if (!files || !files.length) { return }
-        if (files.length > 1) { problem.textContent = "Several files: choose one."; return }
-        if (files[0].size > model.limit) { problem.textContent = model.too_large; return }
+        if (files.length > 1) { return refuse("Several files: choose one.") }
+        const file = files[0]
+        if (file.size > model.limit) { return refuse(model.too_large) }
+        const mine = ++turn
+        model.send_msg({chosen: file.name})
         const reader = new FileReader()
         reader.onload = () => {
+          if (mine !== turn) { return }  // another was chosen while this one was read
           const text = String(reader.result)
-          model.send_msg({data: text.slice(text.indexOf(",") + 1)})
+          model.send_msg({data: text.slice(text.indexOf(",") + 1), name: file.name})
         }
-        reader.onerror = () => { problem.textContent = "The browser cannot read this file." }
-        reader.readAsDataURL(files[0])
+        reader.onerror = () => {
+          if (mine !== turn) { return }
+          refuse("The browser cannot read this file.")
+          model.send_msg({name: file.name})
+        }
+        reader.readAsDataURL(file)
       }
       // The same file may be chosen again after it was changed.
       input.addEventListener("click", () => { input.value = "" })

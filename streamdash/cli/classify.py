@@ -93,7 +93,7 @@ def classify_command(
     }
     with wrong_input(), naming_options():
         model = named_stream(stream or STREAM_NAMES[0]).arm(arm)
-        result, page = classify(_read(file), make_cache(cache), mass.split(","), changes, model)
+        result, page = classify(_read(file), make_cache(cache), mass.split(","), changes, model, file.name)
         if html is not None:
             _write(html, page())
     if as_json:
@@ -108,8 +108,11 @@ def classify(
     labels: list[str],
     changes: dict[str, Any],
     stream: StreamModel | None = None,
+    name: str = "",
 ) -> tuple[dict[str, Any], Any]:
     """Report on a table of an arm of a stream, the default one if not given, and what makes its HTML.
+
+    ``name`` is what the file is called.
 
     Raises
     ------
@@ -118,6 +121,7 @@ def classify(
     """
     from streamdash.observe.guess import assume
     from streamdash.observe.observation import interpret
+    from streamdash.observe.provenance import Source, signed
     from streamdash.observe.report import report
     from streamdash.observe.table import read_table
     from streamdash.observe.verdict import judge, prepare
@@ -129,7 +133,7 @@ def classify(
     observation = interpret(table, assume(table, changes), load_geometry(configs[0].stream, cache))
     with progress_bar() as titled:
         prepared = prepare(cache, configs, observation.design, titled("Learning from streams so observed"))
-    result = report(judge(prepared, observation), observation, prepared)
+    result = signed(report(judge(prepared, observation), observation, prepared), Source.of(data, name))
     return result, lambda: report_html(result, observation, prepared.bands())
 
 

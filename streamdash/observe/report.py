@@ -13,6 +13,7 @@ from streamdash.config import mass_label, parse_mass_range
 from streamdash.naming import label_text, mass_text
 from streamdash.observe.detection import DETECTED, smooth_p
 from streamdash.observe.observation import NAMES, Observation
+from streamdash.observe.provenance import provenance, provenance_words
 from streamdash.observe.resemblance import DOUBTFUL, UNLIKE
 from streamdash.observe.verdict import Prepared, Verdict
 from streamdash.statistics.evidence import jeffreys
@@ -39,7 +40,7 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
         ``verdict`` (one of `VERDICTS`), ``answer`` and ``agreement`` (text), ``detected`` and
         ``resembles`` (bool), ``warnings`` (sentences, none where nothing is doubtful), ``smooth_p``,
         ``resemblance``, ``classes`` (each with ``mass_range``, ``probability``, ``low`` and ``high``),
-        ``quality``, ``assumptions``, ``caveats`` and ``profile``.
+        ``quality``, ``assumptions``, ``caveats``, ``provenance`` and ``profile``.
     """
     scores, likeness, evidence = verdict.judged.scores, verdict.resemblance, verdict.evidence
     accuracy, accuracy_error = verdict.accuracy
@@ -89,6 +90,7 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
         "columns": observation.assumptions.model_dump(),
         "caveats": caveats(observation),
         "ensembles": list(prepared.streams.keys),
+        "provenance": provenance(prepared.streams.configs, prepared.streams.n_impacts),
         "profile": {
             "coordinate": design.coordinate,
             "low_deg": design.low.tolist(),
@@ -326,7 +328,12 @@ def text(result: dict[str, Any]) -> str:
         f"error {quality['calibration_error']:.3f}; PDF evidence alone: "
         f"{100 * quality['pdf_accuracy']:.1f} % right"
     )
-    for title, sentences in (("Assumed", result["assumptions"]), ("Mind", result["caveats"])):
+    parts = (
+        ("Assumed", result["assumptions"]),
+        ("Mind", result["caveats"]),
+        ("Where this comes from", provenance_words(result)),
+    )
+    for title, sentences in parts:
         lines += ["", title, *(f"  - {sentence}" for sentence in sentences)]
     return "\n".join(lines)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from streamdash.naming import class_colour
 from streamdash.observe.observation import Observation
+from streamdash.observe.provenance import provenance_words
 from streamdash.observe.report import evidence_words, interval, name, percent, resemblance_words
 from streamdash.plots import observe
 from streamdash.plots.live import export
@@ -50,6 +51,7 @@ def report_html(result: dict[str, Any], observation: Observation, bands: np.ndar
         f"of each class lie when observed alike; lines: medians.</p>{figure[figure.index('<svg') :]}"
         f"<h2>What was assumed</h2>{_list(result['assumptions'])}"
         f"<h2>Mind</h2>{_list(result['caveats'])}"
+        f"<h2>Where this comes from</h2>{_list(provenance_words(result))}"
         "<details><summary>All numbers, as JSON</summary>"
         f"<pre>{data}</pre></details></body></html>"
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import base64
+import hashlib
 import html
 import json
 import time
@@ -15,6 +16,7 @@ from bokeh.io.doc import set_curdoc
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.pages.observe.parts import ASK
 from app.pages.observe.state import Upload
 from app.pages.registry import PAGES
 from app.services.services import Services
@@ -45,14 +47,10 @@ def settle(page, seconds: float = 200) -> None:
         time.sleep(0.02)
 
 
-def upload(page, data: bytes) -> None:
+def upload(page, data: bytes, name: str = "mine.csv") -> None:
     """What the browser sends when a file was chosen."""
-    drop = next(part for part in page_parts(page) if type(part).__name__ == "FileDrop")
-    drop._handle_msg({"data": base64.b64encode(data).decode()})
-
-
-def page_parts(page):
-    return page.layout.objects
+    page.drop._handle_msg({"chosen": name})
+    page.drop._handle_msg({"data": base64.b64encode(data).decode(), "name": name})
 
 
 @pytest.fixture(scope="module")
@@ -103,8 +101,9 @@ def test_a_changed_assumption_is_followed_and_what_belongs_in_a_link_is_there(op
     page.assumptions.widgets["constant"].value = 0.2
     np.testing.assert_allclose(page.reading.observation.design.sigma, 0.2)
     page.assumptions.widgets["value"].value = "phi1"
-    assert "column “phi1”" in problems(page)
-    assert not page.controls.view.visible
+    assert "“phi1” may be" in problems(page)  # neither its kind nor its error is known
+    assert page.assumptions.widgets["kind"].value == page.assumptions.widgets["error_kind"].value == ASK
+    assert not page.controls.view.visible and page.controls.start.disabled
     page.assumptions.widgets["value"].value = "density"
     assert not problems(page)
     assert page.controls.view.visible
@@ -114,9 +113,12 @@ def test_an_upload_replaces_what_was_there_and_stays_out_of_the_link(open_page):
     page = open_page(f"{EXAMPLE_LINK}&profile_order=2")
     upload(page, EXAMPLE.read_bytes().replace(b"density", b"secret"))
     assert page.session.search == "?page=observe"
+    assert "“secret” may be" in problems(page)
+    page.assumptions.widgets["kind"].value = "density"
     assert "“secret”" in page.stated.object
     assert "order 3" in page.stated.object
-    assert page.session.upload == Upload(EXAMPLE.read_bytes().replace(b"density", b"secret"))
+    assert "“mine.csv” was read" in page.status.text
+    assert page.session.upload == Upload(EXAMPLE.read_bytes().replace(b"density", b"secret"), "mine.csv")
 
 
 def test_what_cannot_be_read_is_one_sentence(open_page):
@@ -183,6 +185,50 @@ def test_the_answer_comes_with_its_numbers_and_is_forgotten_with_the_page(open_p
     assert services.work.find(key) is not None
     page.close()
     assert services.work.find(key) is None
+
+
+def test_nothing_is_classified_while_another_file_is_on_its_way(open_page):
+    """Whoever chooses a second file never sees the first one's answer beside its name."""
+    page = open_page()
+    upload(page, EXAMPLE.read_bytes(), "first.csv")
+    page.classify()
+    page.drop._handle_msg({"chosen": "second.csv"})
+    assert "second.csv" in page.status.text
+    assert page.controls.start.disabled and page.watch.following is None
+    page.classify()
+    assert page.watch.following is None and page.outcome is None and not page.result_part.visible
+    upload(page, EXAMPLE.read_bytes().replace(b"-90", b"-89.9", 1), "second.csv")
+    assert not page.controls.start.disabled
+    page.classify()
+    settle(page)
+    file = page.outcome.result["provenance"]["file"]
+    assert file["name"] == "second.csv"
+    assert file["sha256"] == hashlib.sha256(page.session.upload.data).hexdigest()
+    assert file["sha256"] in page._html_report().decode()
+    page.drop._handle_msg({"name": "third.csv"})  # the browser could not read it
+    assert "choose it again" in problems(page)
+    assert page.controls.start.disabled and not page.result_part.visible
+
+
+def test_the_same_file_chosen_again_is_read_again(open_page):
+    page = open_page()
+    for _ in range(2):
+        upload(page, EXAMPLE.read_bytes())
+        assert page.reading.observation is not None and not page.controls.start.disabled
+
+
+def test_an_undecided_column_is_a_choice_to_be_made(open_page):
+    page = open_page()
+    upload(page, b"angle,q\n" + b"\n".join(f"{x},{1 + x % 3}".encode() for x in range(-90, -30)))
+    assert page.assumptions.widgets["coordinate"].value == ASK
+    page.assumptions.widgets["coordinate"].value = "phi1"
+    assert page.assumptions.widgets["error_kind"].value == ASK
+    assert "error of “q”" in problems(page) and not page.controls.view.visible
+    page.assumptions.widgets["error_kind"].value = "constant"
+    assert not problems(page) and page.controls.view.visible
+    # Another value column brings its own questions, whatever was said of this one's error.
+    page.assumptions.widgets["value"].value = "angle"
+    assert page.assumptions.widgets["error_kind"].value == ASK
 
 
 def test_the_truth_of_the_example_is_revealed_when_asked_for(open_page):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import html
 import json
+from datetime import datetime
 
 import numpy as np
 import pandas as pd
@@ -18,6 +20,9 @@ from tests.shipped import of_default_stream
 from tests.unit.commands import refused, run
 
 
+NAMELESS = b"\n".join(f"{x} 1.1 0.1".encode() for x in range(150, 200))
+
+
 def test_the_command_gives_the_numbers_of_the_library(small_cache, tmp_path, geometry):
     page = tmp_path / "report.html"
     told = json.loads(run("classify", EXAMPLE, "--json", "--report", page, "--cache", small_cache).stdout)
@@ -26,6 +31,10 @@ def test_the_command_gives_the_numbers_of_the_library(small_cache, tmp_path, geo
     configs = {e.config.population.label: e.config for e in cache.entries() if of_default_stream(e)}
     prepared = prepare(cache, [configs["1e3-1e5"], configs["1e5-1e9"]], observation.design)
     expected = report(judge(prepared, observation), observation, prepared)
+    file = told["provenance"].pop("file")
+    assert file["name"] == EXAMPLE.name
+    assert file["sha256"] == hashlib.sha256(EXAMPLE.read_bytes()).hexdigest()
+    assert datetime.fromisoformat(told["provenance"].pop("date")).tzinfo is not None
     assert told == json.loads(json.dumps(expected))
     assert html.escape(told["answer"]) in page.read_text(encoding="utf-8")
 
@@ -49,6 +58,8 @@ def test_text_states_answer_assumptions_and_caveats(small_cache):
         (b"", [], "The file is empty"),
         (b"\x00\x01\x02", [], "not text"),
         (b"phi1,q\n-30,abc\n", [], "“abc” is not a number"),
+        (NAMELESS, [], "The options are --coordinate"),
+        (EXAMPLE.read_bytes().replace(b"density_error", b"spread"), [], "--error, --constant, --error-kind"),
         (None, [], "cannot be read"),
         (EXAMPLE.read_bytes(), ["--value", "nothing"], "There is no column “nothing”"),
         (EXAMPLE.read_bytes(), ["--order", "99"], "order"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import panel as pn
@@ -20,6 +21,7 @@ from app.ui.study import TaskControls
 from app.ui.upload import FileDrop
 from app.work.later import Later
 from app.work.tasks import Task, Watch
+from streamdash.observe.provenance import provenance_words, signed
 from streamdash.observe.report import name, truth_words
 from streamdash.plots import observe
 from streamdash.plots.live import LiveFigure, export
@@ -50,6 +52,7 @@ class ObservePage(Page):
         self.reading = Reading()
         self.outcome: Outcome | None = None
         self.asked: Any = None
+        self.expected: Any = None
         self.later = Later(self.services, self._show_reading, self._refuse)
         self.watch = Watch(self._show_task)
         self.status = LiveText(margin=(4, 10), css_classes=["sd-observe-status"])
@@ -85,18 +88,20 @@ class ObservePage(Page):
             self.card.view,
             self.caveats,
         )
+        self.drop = FileDrop(
+            self._receive,
+            self._refuse,
+            limit=int(1e6 * self.services.uploads.max_upload_mb),
+            announce=self._await,
+            sizing_mode=ui.WIDE,
+            margin=(10, 10),
+            css_classes=["sd-drop"],
+        )
         self._read()
         return ui.page_layout(
             ui.plain_text(INTRODUCTION, margin=(4, 10, 14, 10), max_width=1000),
             ui.controls(ui.stream_picker(self), ui.ensemble_picker(self)),
-            FileDrop(
-                self._receive,
-                self._refuse,
-                limit=int(1e6 * self.services.uploads.max_upload_mb),
-                sizing_mode=ui.WIDE,
-                margin=(10, 10),
-                css_classes=["sd-drop"],
-            ),
+            self.drop,
             ui.controls(ui.button("Try the example", self._example, css_classes=["sd-example"]), self.status),
             self.problem,
             self.controls.view,
@@ -122,13 +127,17 @@ class ObservePage(Page):
             return
         self._forget()
         key, compute = question(self.services, self.session.ensembles, self.reading.observation)
+        self.expected = key
         self.asked = None if self.session.example == "yes" else key
         self.watch.follow(self.services.work.ask(key, compute))
 
     # ------------------------------------------------------------ choosing
 
     def _receive(self, data: bytes) -> None:
-        self.session.param.update(example="no", upload=Upload(data), **BLANK)
+        upload = Upload(data, self.drop.file_name)
+        if self.session.example == "no" and self.session.upload == upload:
+            self._read()  # the same again: nothing changes, but it was awaited
+        self.session.param.update(example="no", upload=upload, **BLANK)
 
     def _example(self) -> None:
         self.session.param.update(example="yes", upload=None, **BLANK)
@@ -138,19 +147,31 @@ class ObservePage(Page):
 
     # ------------------------------------------------------------ reading
 
-    def _read(self) -> None:
-        """Read the session's file off the event loop, then show it."""
+    def _await(self, name: str) -> None:
+        """Another file was chosen and is on its way: nothing that is shown of the last one counts."""
+        self._clear(f"Reading “{name}” …")
+        self.read_part.visible = False
+
+    def _clear(self, words: str) -> None:
+        """Forget what was read and said; nothing can be classified until something is read."""
+        self.later.cancel()
         self.watch.leave()
         self.result_part.visible = False
-        self.outcome = None
-        data = file_of(self.session)
-        if data is None:
+        self.outcome = self.expected = None
+        self.reading = Reading()
+        self.controls.start.disabled = True
+        self.status.text = words
+
+    def _read(self) -> None:
+        """Read the session's file off the event loop, then show it."""
+        file = file_of(self.session)
+        self._clear("" if file is None else "Reading …")
+        if file is None:
             self.read_part.visible = self.controls.view.visible = False
             return
         changes = changes_of(self.session)
         geometry = self.services.geometry(self.session.ensembles[0].config.stream)
-        self.status.text = "Reading …"
-        self.later.ask(lambda: read(data, changes, geometry))
+        self.later.ask(lambda: read(file, changes, geometry))
 
     def _show_reading(self, reading: Reading) -> None:
         self.reading = reading
@@ -160,11 +181,13 @@ class ObservePage(Page):
         self.assumptions.show(reading)
         self.preview.object = preview_html(table) if table is not None else ""
         self.controls.view.visible = observation is not None
-        self.controls.start.disabled = False
+        self.controls.start.disabled = observation is None
         self.controls.cancel.visible = self.controls.bar.visible = False
         self.controls.text.text = ""
         self.stated.object = list_html("What is assumed", observation.stated) if observation else ""
-        what = "The example" if self.session.example == "yes" else "Your table"
+        what = "The example"
+        if self.session.example != "yes":
+            what = f"“{reading.source.name}”" if reading.source else "Your table"
         if observation is not None:
             self.status.text = f"{what} was read: {observation.design.n_bin} bins are compared."
         else:
@@ -175,14 +198,17 @@ class ObservePage(Page):
 
     def _show_task(self, task: Task) -> None:
         self.controls.show(task, "Done.")
-        if task.state != "done":
+        source = self.reading.source
+        if task.state != "done" or task.key != self.expected or source is None:
             return
-        outcome: Outcome = task.result
+        outcome: Outcome = replace(task.result, result=signed(task.result.result, source))
         self.outcome = outcome
         result = outcome.result
         self.answer.object = answer_html(result)
         self.numbers.object = numbers_html(result)
-        self.caveats.object = list_html("Mind", result["caveats"])
+        self.caveats.object = list_html("Mind", result["caveats"]) + list_html(
+            "Where this comes from", provenance_words(result)
+        )
         self.reveal.visible = self.session.example == "yes"
         self.truth.object = ""
         self.card.say(observe.sentence(outcome.observation, outcome.bands, self._names()))

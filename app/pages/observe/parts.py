@@ -9,12 +9,16 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.pages.observe.reading import Reading
-from app.pages.observe.state import LINKED, ORDERS, ObserveState
-from streamdash.observe.guess import KINDS, NOTHING, Assumptions
+from app.pages.observe.state import AUTO, LINKED, ORDERS, ObserveState
+from streamdash.observe.guess import ERROR_UNITS, KINDS, NOTHING, Assumptions
 from streamdash.observe.observation import NAMES
 from streamdash.observe.table import Table
 
 NONE = "none"
+ASK = "?"
+CHOOSE = "choose …"
+"""What a menu shows where nothing in the table decides; nothing is classified before it is chosen."""
+OF_VALUE = ("error", "error_kind", "error_unit", "constant")
 ERRORS = {"a column": "column", "constant": "constant", "Poisson (√counts)": "poisson"}
 
 
@@ -30,6 +34,7 @@ class AssumptionControls:
             align_items="end", gap="4px 0px", sizing_mode=ui.WIDE, css_classes=["sd-assumptions"]
         )
         self.widgets: dict[str, Any] = {}
+        self.options: dict[str, dict[str, str]] = {}
         self._table: Table | None = None
         self._showing = False
 
@@ -42,14 +47,27 @@ class AssumptionControls:
         if self._table is None or self._table.names != reading.table.names:
             self._build(reading.table)
         self._table = reading.table
+        a = reading.assumptions
+        open_fields = {*a.undecided, *(["error_kind"] if "error" in a.undecided else [])}
         self._showing = True
         try:
-            for name, value in _values(reading.assumptions).items():
-                self.widgets[name].value = value
+            for name, value in _values(a).items():
+                widget, plain = self.widgets[name], self.options.get(name)
+                if plain is None:
+                    widget.value = value
+                elif name in open_fields:
+                    widget.param.update(options={CHOOSE: ASK, **plain}, value=ASK)
+                else:
+                    widget.param.update(options=plain, value=value)
+            self.widgets["bin"].visible = a.bin is not None or "bin" in a.undecided
         finally:
             self._showing = False
-        self.widgets["error"].visible = reading.assumptions.error_kind == "column"
-        self.widgets["constant"].visible = reading.assumptions.error_kind == "constant"
+        columns = a.error_kind == "column" or "error" in a.undecided
+        self.widgets["error"].visible = columns and a.bin is None
+        self.widgets["error_unit"].visible = a.error_kind == "column" and a.bin is None
+        self.widgets["constant"].visible = a.error_kind == "constant" and "error" not in a.undecided
+        for name in ("value", "kind", "smooth", "upper", "width", "error_kind"):
+            self.widgets[name].visible = a.bin is None
 
     def _build(self, table: Table) -> None:
         names = {name: name for name in table.names}
@@ -60,23 +78,31 @@ class AssumptionControls:
             "position": _menu("Position (deg)", names),
             "upper": _menu("Upper end of the bins", optional),
             "width": _number("Width (deg, 0: spacing)"),
+            "bin": _number("Count stars in bins of (deg)"),
             "value": _menu("Value", names),
             "kind": _menu("The value is", {words: key for key, words in KINDS.items()}, 300),
             "smooth": _menu("Smooth profile", optional),
             "order": _menu("Divide by polynomial", {"mean (order 0)": "0", **orders, "nothing": "-1"}),
             "error_kind": _menu("Error from", ERRORS),
             "error": _menu("Error column", optional),
+            "error_unit": _menu("Errors are", {words: key for key, words in ERROR_UNITS.items()}),
             "constant": _number("Relative error"),
+        }
+        self.options = {
+            name: dict(widget.options) for name, widget in self.widgets.items() if hasattr(widget, "options")
         }
         for name, widget in self.widgets.items():
             widget.param.watch(lambda event, name=name: self._changed(name, event.new), "value")
         self.view[:] = list(self.widgets.values())
 
     def _changed(self, name: str, value: Any) -> None:
-        if self._showing or value is None:
+        if self._showing or value is None or value == ASK:
             return
         if name in LINKED:
             setattr(self.session, LINKED[name], value)
+        elif name == "value":  # what was said of another column's kind and errors is not said of this one
+            kept = {n: v for n, v in self.session.columns.items() if n not in OF_VALUE}
+            self.session.param.update(columns={**kept, name: value}, **{LINKED["kind"]: AUTO})
         else:
             self.session.columns = {**self.session.columns, name: value}
 
@@ -84,7 +110,9 @@ class AssumptionControls:
 def _values(assumptions: Assumptions) -> dict[str, Any]:
     """What the widgets show."""
     values = {name: NOTHING if value is None else value for name, value in assumptions}
-    return {**values, "order": str(assumptions.order), "width": assumptions.width or 0.0}
+    del values["undecided"]
+    sizes = {"width": assumptions.width or 0.0, "bin": assumptions.bin or 0.0}
+    return {**values, "order": str(assumptions.order), **sizes}
 
 
 def _menu(label: str, options: dict[str, str], width: int = 190) -> Viewable:

@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from app.pages.observe.state import AUTO, LINKED, ObserveState
+from app.pages.observe.state import AUTO, LINKED, ObserveState, Upload
 from app.services.services import Services
 from app.session.catalog import Choice
 from app.work.tasks import Compute
 from streamdash.config import ConfigError
 from streamdash.engine.geometry import Geometry
-from streamdash.observe.guess import Assumptions, changed, guess
+from streamdash.observe.guess import Assumptions, assume, guess
 from streamdash.observe.observation import Observation, interpret
+from streamdash.observe.provenance import Source
 from streamdash.observe.report import report
 from streamdash.observe.table import ObservationError, Table, read_table
 from streamdash.observe.verdict import judge, prepare
@@ -27,6 +28,7 @@ from streamdash.survey.mock import EXAMPLE
 class Reading:
     """What was found in a file: as far as it could be read, and what is wrong with the rest."""
 
+    source: Source | None = None
     table: Table | None = None
     assumptions: Assumptions | None = None
     observation: Observation | None = None
@@ -35,7 +37,10 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What is said about an observation, and the bands of the classes as so observed."""
+    """What is said about an observation, and the bands of the classes as so observed.
+
+    It knows of no file: equal tables have equal answers. The page adds the file that it shows.
+    """
 
     observation: Observation
     result: dict[str, Any]
@@ -51,28 +56,29 @@ def changes_of(session: ObserveState) -> dict[str, Any]:
     return {**session.columns, **linked}
 
 
-def file_of(session: ObserveState) -> bytes | None:
-    """The bytes that are looked at: the example, a file, or nothing yet."""
+def file_of(session: ObserveState) -> Upload | None:
+    """The file that is looked at: the example, one that was chosen, or nothing yet."""
     if session.example == "yes":
-        return EXAMPLE.read_bytes()
-    return None if session.upload is None else session.upload.data
+        return Upload(EXAMPLE.read_bytes(), EXAMPLE.name)
+    return session.upload
 
 
-def read(data: bytes, changes: Mapping[str, Any], geometry: Geometry) -> Reading:
+def read(upload: Upload, changes: Mapping[str, Any], geometry: Geometry) -> Reading:
     """Read a file under a session's assumptions; what is wrong becomes a sentence."""
+    source = Source.of(upload.data, upload.name)
     try:
-        table = read_table(data)
+        table = read_table(upload.data)
         proposal = guess(table)
     except ObservationError as error:
-        return Reading(problem=str(error))
+        return Reading(source, problem=str(error))
     try:
-        assumptions = changed(proposal, changes)
+        assumptions = assume(table, changes)
     except ConfigError as error:
-        return Reading(table, proposal, problem=str(error))
+        return Reading(source, table, proposal, problem=str(error))
     try:
-        return Reading(table, assumptions, interpret(table, assumptions, geometry))
+        return Reading(source, table, assumptions, interpret(table, assumptions, geometry))
     except ObservationError as error:
-        return Reading(table, assumptions, problem=str(error))
+        return Reading(source, table, assumptions, problem=str(error))
 
 
 def question(

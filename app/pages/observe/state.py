@@ -27,9 +27,10 @@ LINKED = {"kind": "profile_kind", "order": "profile_order", "coordinate": "profi
 
 @dataclass(frozen=True)
 class Upload:
-    """A file somebody chose: its bytes, nothing else of it is kept."""
+    """A file somebody chose: its bytes and its name, nothing else of it is kept."""
 
     data: bytes
+    name: str = ""
 
 
 class ObserveState(param.Parameterized):
