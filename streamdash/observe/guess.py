@@ -250,10 +250,10 @@ def open_questions(table: Table, a: Assumptions, fields: tuple[str, ...]) -> Und
         "right ascension: say which it is.",
         "value": f"What was measured may be any of {columns}: name the column.",
         "kind": f"“{value}” may be Qρ, a density or counts: say which it is.",
-        "error": f"No column is clearly the error of “{value}”: name it, or give a relative error for all bins"
-        " or, for counts, Poisson's.",
-        "error_unit": f"“{shown(a.error or '')}” and “{value}” have different units: say whether the error is "
-        "relative.",
+        "error": f"No column is clearly the error of “{value}”: name it, or give a relative error for all "
+        "bins or, for counts, Poisson's.",
+        "error_unit": f"“{shown(a.error or '')}” and “{value}” have different units: say whether the error "
+        "is relative.",
     }
     return Undecided(asked, " ".join(words[field] for field in asked))
 

@@ -95,7 +95,8 @@ def provenance_words(result: dict[str, Any]) -> list[str]:
     if "file" in known:
         file = known["file"]
         sentences.append(
-            f"File “{file['name']}”, {file['n_bytes']:,} bytes, SHA-256 {file['sha256']}, read {known['date']}."
+            f"File “{file['name']}”, {file['n_bytes']:,} bytes, SHA-256 {file['sha256']}, read "
+            f"{known['date']}."
         )
     versions = ", ".join(f"{name} {version}" for name, version in known["packages"].items())
     sentences.append(f"streamdash {known['streamdash']} with Python {known['python']}, {versions}.")

@@ -43,8 +43,8 @@ def counted(
     n = int(np.floor((stop - start) / a.bin * (1 + 1e-9)))
     if n < 1:
         raise ObservationError(
-            f"No bin of {a.bin:g}° fits between the stars of “{shown(a.position)}” and the simulated stretch, "
-            f"{limits[0]:.1f}° to {limits[1]:.1f}°; choose narrower bins."
+            f"No bin of {a.bin:g}° fits between the stars of “{shown(a.position)}” and the simulated "
+            f"stretch, {limits[0]:.1f}° to {limits[1]:.1f}°; choose narrower bins."
         )
     if n > len(table.values):
         raise ObservationError(f"Bins of {a.bin:g}° are more than there are stars; choose wider ones.")

@@ -19,7 +19,6 @@ from streamdash.survey.mock import EXAMPLE, EXAMPLE_TRUTH
 from tests.shipped import of_default_stream
 from tests.unit.commands import refused, run
 
-
 NAMELESS = b"\n".join(f"{x} 1.1 0.1".encode() for x in range(150, 200))
 
 

@@ -287,7 +287,8 @@ def test_relative_errors_are_relative(name, size, unit, geometry):
 
 
 def test_different_units_of_value_and_error_are_asked_about(geometry):
-    head = "# %ECSV 1.0\n# - {name: phi1, unit: deg}\n# - {name: q, unit: 1/deg}\n# - {name: err, unit: 1/arcmin}"
+    units = {"phi1": "deg", "q": "1/deg", "err": "1/arcmin"}
+    head = "# %ECSV 1.0\n" + "\n".join(f"# - {{name: {name}, unit: {unit}}}" for name, unit in units.items())
     table = read_table(csv(PHI1, Q, ERR, header=f"{head}\nphi1 q err", separator=" "))
     assert assume(table).undecided == ("error_unit",)
     interpret(table, assume(table, {"error_unit": "value"}), geometry)

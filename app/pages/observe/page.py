@@ -143,6 +143,7 @@ class ObservePage(Page):
         self.session.param.update(example="yes", upload=None, **BLANK)
 
     def _refuse(self, sentence: str) -> None:
+        self._clear("")
         self._show_reading(Reading(problem=sentence))
 
     # ------------------------------------------------------------ reading
