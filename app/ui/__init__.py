@@ -12,6 +12,7 @@ from app.ui.layout import (
     folded,
     page_layout,
 )
+from app.ui.templates import TABLE_STYLE, Html, render
 from app.ui.text import (
     caption,
     class_heading,
@@ -38,8 +39,10 @@ from app.ui.widgets import (
 )
 
 __all__ = [
+    "TABLE_STYLE",
     "WIDE",
     "FigureCard",
+    "Html",
     "button",
     "caption",
     "class_button",
@@ -64,6 +67,7 @@ __all__ = [
     "page_frame",
     "page_layout",
     "plain_text",
+    "render",
     "select",
     "slider",
     "stream_picker",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import io
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -11,20 +10,17 @@ import pandas as pd
 import panel as pn
 import panel_material_ui as pmui
 from bokeh.models.ui import UIElement
+from markupsafe import escape
 from panel.viewable import Viewable
 
 from app.ui.browser import LiveText
+from app.ui.templates import Html, fill
 
 WIDE = "stretch_width"
 CODE_STYLE = "pre { margin: 0; padding: 4px 16px; overflow-x: auto; font-size: 13px; line-height: 1.45; }"
 CARD = {"padding": "12px 16px", "border": "1px solid var(--mui-palette-divider)", "border-radius": "4px"}
 """Frame of a figure and what belongs to it. A component's Paper looks the same, but the figures in it
 are painted 0.3 s later."""
-
-
-def reachable(name: str, table: str) -> str:
-    """A table in a frame of class ``wide`` that scrolls sideways where it must, by keyboard too."""
-    return f"<div class='wide' tabindex='0' role='region' aria-label='{html.escape(name)}'>{table}</div>"
 
 
 def controls(*widgets: Viewable) -> Viewable:
@@ -95,11 +91,9 @@ class FigureCard:
     ) -> None:
         self._code = code
         self._sentence = LiveText(sizing_mode=WIDE, margin=(6, 0), css_classes=["sd-sentence"])
-        self._listing = pn.pane.HTML(
-            "", stylesheets=[CODE_STYLE], sizing_mode=WIDE, margin=0, css_classes=["sd-code"]
-        )
+        self._listing = Html(stylesheets=[CODE_STYLE], margin=0, css_classes=["sd-code"])
         figures = figures if isinstance(figures, list | tuple) else [figures]
-        heading = pmui.Typography(html.escape(title), variant="h6", margin=0, sx={"flex": "1 1 auto"})
+        heading = pmui.Typography(str(escape(title)), variant="h6", margin=0, sx={"flex": "1 1 auto"})
         self.files = {
             "png": lambda: image("png"),
             "svg": lambda: image("svg"),
@@ -146,7 +140,7 @@ class FigureCard:
 
     def _list(self) -> None:
         if self._accordion.active:
-            self._listing.object = f"<pre tabindex='0'><code>{html.escape(self._code())}</code></pre>"
+            self._listing.write(fill('<pre tabindex="0"><code>{{ code }}</code></pre>', code=self._code()))
 
 
 def folded(title: str, parts: Sequence[Viewable], name: str, **params: Any) -> Viewable:

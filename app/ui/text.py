@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from typing import Any
 
-import panel as pn
 import panel_material_ui as pmui
+from markupsafe import escape
 
 from app.session.catalog import Choice
 from app.ui.layout import WIDE
+from app.ui.templates import Html, fill, render
 from streamdash.naming import class_colour
 
 LEGEND_STYLE = """
@@ -31,36 +31,37 @@ LEGEND_STYLE = """
 """
 
 
-def plain_text(text: str, **params: Any) -> pn.pane.HTML:
-    """Text that is never read as HTML, whoever wrote it."""
-    return pn.pane.HTML(html.escape(text), **{"sizing_mode": WIDE, **params})
+def plain_text(text: str, **params: Any) -> Html:
+    """Text that is never read as HTML, whoever wrote it; `Html.write` replaces it."""
+    return Html(str(text), **params)
 
 
 def caption(text: str) -> pmui.Typography:
     """Small heading of a control that has none of its own."""
-    return pmui.Typography(html.escape(text), variant="caption", margin=0)
+    return pmui.Typography(str(escape(text)), variant="caption", margin=0)
 
 
-def class_heading(index: int, choice: Choice) -> pn.pane.HTML:
+def class_heading(index: int, choice: Choice) -> Html:
     """Name of a class with its colour: ``■ M0 · 10³–10⁵ M☉ · 2000 streams``."""
-    words = f"M{index} · {choice.label} · {choice.config.n_streams} streams"
-    return pn.pane.HTML(
-        f"<div style='font: 500 15px/1.5 Roboto, sans-serif'>"
-        f"<span style='color:{class_colour(index)}' aria-hidden='true'>■</span> {html.escape(words)}</div>",
-        margin=(6, 0, 0, 0),
-        css_classes=["sd-class"],
+    line = fill(
+        """<div style="font: 500 15px/1.5 Roboto, sans-serif">\
+{% from "ui/macros.html" import mark %}{{ mark(i) }} M{{ i }} · {{ label }} · {{ n }} streams</div>""",
+        i=index,
+        label=choice.label,
+        n=choice.config.n_streams,
     )
+    return Html(line, sizing_mode=None, margin=(6, 0, 0, 0), css_classes=["sd-class"])
 
 
-def heading(text: str) -> pn.pane.HTML:
+def heading(text: str) -> Html:
     """Heading of a part of a page."""
-    words = html.escape(text)
-    return pn.pane.HTML(
-        f"<h2 style='font: 500 22px/1.4 Roboto, sans-serif; margin: 0'>{words}</h2>", margin=4
+    style = "font: 500 22px/1.4 Roboto, sans-serif; margin: 0"
+    return Html(
+        fill('<h2 style="{{ style }}">{{ text }}</h2>', style=style, text=text), sizing_mode=None, margin=4
     )
 
 
-def legend(entries: Sequence[tuple[str, str]], classes: int) -> pn.pane.HTML:
+def legend(entries: Sequence[tuple[str, str]], classes: int) -> Html:
     """A line of swatches and words above a figure.
 
     Parameters
@@ -72,20 +73,12 @@ def legend(entries: Sequence[tuple[str, str]], classes: int) -> pn.pane.HTML:
     classes
         Number of classes shown.
     """
-    items = "".join(
-        f"<span class='item'><span class='swatch {html.escape(kind)}'></span>{html.escape(words)}</span>"
-        for kind, words in entries
-    )
     share = 100 / max(classes, 1)
     stripes = ", ".join(
         f"{class_colour(i)} {i * share:.0f}% {(i + 1) * share:.0f}%" for i in range(max(classes, 1))
     )
-    return pn.pane.HTML(
-        f"<div class='legend' style='--classes: linear-gradient(90deg, {stripes})'>{items}</div>",
-        stylesheets=[LEGEND_STYLE],
-        sizing_mode=WIDE,
-        margin=(4, 0),
-    )
+    items = render("ui/legend.html", entries=entries, stripes=stripes)
+    return Html(items, stylesheets=[LEGEND_STYLE], margin=(4, 0))
 
 
 def message(sentences: Sequence[str], kind: str = "info") -> pmui.Alert:

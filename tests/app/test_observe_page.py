@@ -174,8 +174,8 @@ def test_the_answer_comes_with_its_numbers_and_is_forgotten_with_the_page(open_p
     key = page.asked
     settle(page)
     result = page.outcome.result
-    assert html.escape(result["answer"]) in page.answer.object
-    assert html.escape(result["agreement"]) in page.answer.object
+    assert result["answer"] in html.unescape(page.answer.object)
+    assert result["agreement"] in html.unescape(page.answer.object)
     assert "How good is the method with such data?" in page.numbers.object
     assert page.card.files["csv"]().count(b"\n") == 36
     assert json.loads(page._json_report()) == json.loads(json.dumps(result))

@@ -201,7 +201,7 @@ def test_what_is_unlike_comes_first_and_probabilities_step_back(world, bins, geo
     assert not any(f"{100 * c['probability']:.0f} %" in result["answer"] for c in result["classes"])
     page = report_html(result, observation, prepared.bands())
     assert page.index("resembles none") < page.index("<table")
-    assert "class='aside'" in page
+    assert 'class="aside"' in page
 
 
 # ------------------------------------------------------------------ the answer

@@ -11,8 +11,7 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
-from app.pages.classifier.parts import studies_of
-from app.pages.classifier.tables import STYLE, scores_html
+from app.pages.classifier.parts import STYLE, scores_html, studies_of
 from app.services.services import Unavailable
 from app.session.session import N_PCA_MAX
 from app.ui.study import StudyCard, TaskControls
@@ -44,7 +43,7 @@ class ClassifierPage(Page):
             "Train", self.train, self.watch.cancel, "train", color="primary", size="large"
         )
         self.matrix = pn.Column(sizing_mode=ui.WIDE, margin=0)
-        self.scores = pn.pane.HTML("", stylesheets=[STYLE], sizing_mode=ui.WIDE, css_classes=["sd-scores"])
+        self.scores = ui.Html(stylesheets=[STYLE], css_classes=["sd-scores"])
         self.roc = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.calibration = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.shown = pn.Column(sizing_mode=ui.WIDE, margin=0)
@@ -182,7 +181,7 @@ class ClassifierPage(Page):
         self.results.visible = True
         self._draw_matrix()
         self._draw_streams()
-        self.scores.object = scores_html(task.result)
+        self.scores.write(scores_html(task.result))
         for slot, draw in ((self.roc, classifier.draw_roc), (self.calibration, classifier.draw_calibration)):
             slot[:] = [_pane(draw(task.result, "bokeh"))]
         self.card.say(classifier.matrix_sentence(task.result))

@@ -1,24 +1,84 @@
-"""The studies on the Classifier page: what each computes, shows and says."""
+"""Parts of the Classifier page: its tables, and its studies: what each computes, shows and says."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
-import panel as pn
+from markupsafe import Markup
 
 from app import ui
-from app.pages.classifier.tables import STYLE, comparison_html
 from app.services.services import Services
 from app.session.session import Session
 from app.ui.study import Study
 from app.work.tasks import Compute
 from app.work.training import code_head, data_key, settings_of, streams_of
-from streamdash.classifier.model import PRESETS
-from streamdash.classifier.studies import compare, grid_search, importance, learning_curve, noise_curve
+from streamdash.classifier.model import PRESETS, paper_scores
+from streamdash.classifier.studies import (
+    Contender,
+    compare,
+    grid_search,
+    importance,
+    learning_curve,
+    noise_curve,
+)
+from streamdash.classifier.train import Judged
 from streamdash.plots import classifier_studies as plots
+from streamdash.plots.classifier import METRICS, class_names
 
+STYLE = (
+    ui.TABLE_STYLE
+    + """
+th, td { padding: 5px 8px; }
+tbody tr + tr > * { border-top: 1px solid #80808060; }
+"""
+)
 CURVE_LEGEND = (("line", "recall per class"), ("grey", "accuracy over all classes"))
+
+
+def scores_html(judged: Judged) -> Markup:
+    """Precision, recall, F₁, accuracy and AUC per class with errors, the paper's beneath."""
+    labels = judged.classifier.card.labels
+    paper = paper_scores(labels) or {}
+    values, errors = judged.scores.values, judged.scores.errors
+    # The paper gives whole percents for two classes, and "≳" for three.
+    sign = "" if len(labels) == 2 else "≳ "
+
+    def cell(metric: str, c: int) -> tuple[str, ...]:
+        given = paper.get(metric)
+        note = (f"paper {sign}{given[c]:.2f}",) if isinstance(given, tuple) else ()
+        return (f"{values[metric][c]:.3f} ± {errors[metric][c]:.3f}", *note)
+
+    overall = f"{values['overall_accuracy']:.3f} ± {errors['overall_accuracy']:.3f}"
+    note = f", paper {paper['overall_accuracy']:.2f}" if "overall_accuracy" in paper else ""
+    return ui.render(
+        "pages/classifier/scores.html",
+        accuracy=overall + note,
+        metrics=METRICS.values(),
+        rows=[(name, [cell(metric, c) for metric in METRICS]) for c, name in enumerate(class_names(labels))],
+    )
+
+
+def comparison_html(contenders: Sequence[Contender], labels: Sequence[str]) -> Markup:
+    """One row per preset or network, best first, on one split."""
+    records = plots.comparison_table(contenders, labels).to_dict("records")
+    return ui.render(
+        "pages/classifier/comparison.html",
+        columns=["Accuracy", "Log loss", "Calibration error", "Training", *class_names(labels)],
+        rows=[
+            (
+                record["name"],
+                [
+                    f"{100 * record['accuracy']:.1f} ± {100 * record['accuracy_error']:.1f} %",
+                    f"{record['log_loss']:.3f}",
+                    f"{record['calibration_error']:.3f}",
+                    f"{record['seconds']:.1f} s",
+                    *(f"{100 * record[f'recall {label}']:.1f} %" for label in labels),
+                ],
+            )
+            for record in records
+        ],
+    )
 
 
 def studies_of(
@@ -143,9 +203,7 @@ def studies_of(
                 "comparison",
             ),
             (("dots", "recall per class"), ("grey", "accuracy, large dot")),
-            lambda rows: pn.pane.HTML(
-                comparison_html(rows, labels), stylesheets=[STYLE], sizing_mode=ui.WIDE
-            ),
+            lambda rows: ui.Html(comparison_html(rows, labels), stylesheets=[STYLE]),
         ),
         Study(
             "tuning",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from typing import Any
 
 import holoviews as hv
@@ -52,8 +51,8 @@ class ConvergencePage(Page):
         self.task = TaskControls("Simulate", self.start, self.watch.cancel, "lab")
         self.question = ui.plain_text("", margin=(4, 0), css_classes=["sd-lab-question"])
         self.figures = pn.Column(sizing_mode=ui.WIDE, margin=0)
-        self.table = pn.pane.HTML("", stylesheets=[STYLE], sizing_mode=ui.WIDE, css_classes=["sd-lab-shifts"])
-        self.all = pn.pane.HTML("", stylesheets=[STYLE], sizing_mode=ui.WIDE, css_classes=["sd-lab-verdicts"])
+        self.table = ui.Html(stylesheets=[STYLE], css_classes=["sd-lab-shifts"])
+        self.all = ui.Html(stylesheets=[STYLE], css_classes=["sd-lab-verdicts"])
         self._make_cards()
         self._show()
         self._show_all()
@@ -129,7 +128,7 @@ class ConvergencePage(Page):
     def _show(self) -> None:
         """The chosen test, as far as it is in the cache."""
         chosen = self.knob
-        self.question.object = html.escape(f"{chosen.question} {_paper(chosen)}")
+        self.question.write(f"{chosen.question} {_paper(chosen)}")
         found, _ = measure(
             self.services.cache, [chosen.key], int(self.session.lab_streams), self.session.lab_seed
         )
@@ -138,7 +137,7 @@ class ConvergencePage(Page):
         if self.measured is None:
             lacking = len(missing([s.config for s in chosen.settings], self.services.cache))
             self.figures.clear()
-            self.table.object = ""
+            self.table.write("")
             self.task.text.text = (
                 f"{lacking} of the {len(chosen.settings)} settings are not simulated yet for "
                 f"{self.session.lab_streams} streams and seed {self.session.lab_seed}."
@@ -155,14 +154,14 @@ class ConvergencePage(Page):
         ]
         figures.append(LiveFigure(convergence.draw_ratios(chosen, self.measured.spectra, "bokeh")).figure)
         self.figures[:] = [ui.figure_grid(figures)]
-        self.table.object = shifts_html(self.measured)
+        self.table.write(shifts_html(self.measured))
         verdict = verdict_sentence(chosen, self.measured.verdict)
         self.card.say(f"{verdict} {convergence.sentence(chosen, self.measured.spectra)}")
 
     def _show_all(self) -> None:
         """The verdicts on the shipped settings of all tests."""
         self.found, lacking = measure(self.services.cache)
-        self.all.object = verdicts_html(self.found, lacking)
+        self.all.write(verdicts_html(self.found, lacking))
         if self.found:
             self.all_card.say(
                 f"What all of this took: {cost_sentence(cost(self.services.cache, self.found))}"

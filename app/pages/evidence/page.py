@@ -55,9 +55,7 @@ class EvidencePage(Page):
         self.later_table = Later(self.services, self._show_table, self._fail_table)
         self.later_growth = Later(self.services, self._show_growth, self._fail_growth)
         self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
-        self.table_pane = pn.pane.HTML(
-            WAITING, stylesheets=[STYLE], sizing_mode=ui.WIDE, css_classes=["sd-table-1"]
-        )
+        self.table_pane = ui.Html(WAITING, stylesheets=[STYLE], css_classes=["sd-table-1"])
         self.chart = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.growth_slot = pn.Column(ui.plain_text(WAITING), sizing_mode=ui.WIDE, margin=0)
         self._make_cards()
@@ -261,9 +259,8 @@ class EvidencePage(Page):
     def _write_table(self, waiting: bool) -> None:
         self.dimmed = waiting
         shown = range(2) if len(self.session.ensembles) == 2 else [self.fiducial]
-        self.table_pane.object = evidence_table(
-            self.tables, configs(self.session), shown, self.is_paper, waiting
-        )
+        table = evidence_table(self.tables, configs(self.session), shown, self.is_paper, waiting)
+        self.table_pane.write(table)
 
     def _fail_table(self, sentence: str) -> None:
         self.live_chart = None

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import panel as pn
+from markupsafe import Markup
 from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
-from app.pages.learn.scores import SCORE_STYLE, score_table
 from app.pages.learn.state import AVERAGE_MAX, DIFFICULTIES, GAME_MAX, QUIZ_NOISE, ROUNDS
 from app.services.services import Unavailable
 from app.session.session import link_to
@@ -32,6 +33,15 @@ LEGEND = (
     ("line", "without noise (once revealed)"),
 )
 CLUE_LEGEND = (("line", "streams that were not asked about, by class"), ("dashes", "this stream"))
+SCORE_STYLE = """
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font: 14px/1.5 Roboto, sans-serif; }
+th, td { padding: 2px 8px; text-align: center; border-bottom: 1px solid #80808060; }
+th[scope=row] { text-align: left; font-weight: 500; }
+.now { outline: 2px solid currentColor; outline-offset: -2px; }
+.total, .right { font-weight: 700; }
+.wrong { opacity: 0.75; }
+"""
 
 
 class QuizLesson:
@@ -189,7 +199,7 @@ class QuizLesson:
         answered = len(self.guesses)
         truths = [int(self.streams.y[row]) for row in self.rows[:answered]]
         machine = [self.taken_for(i + 1) for i in range(answered)]
-        self.scores.object = score_table(truths, self.guesses, machine, self.number, ROUNDS)
+        self.scores.write(score_table(truths, self.guesses, machine, self.number))
         self.status.text = self._verdict()
         if self.judged is not None:
             self.summary.text = self._summary(self.judged, truths, machine)
@@ -237,9 +247,7 @@ class QuizLesson:
         self.next_button = ui.button("Next stream", self.go_on, css_classes=["sd-next"], margin=(4, 10))
         self.status = LiveText(sizing_mode=ui.WIDE, margin=(6, 10), css_classes=["sd-verdict"])
         self.summary = LiveText(sizing_mode=ui.WIDE, margin=(6, 10), css_classes=["sd-summary"])
-        self.scores = pn.pane.HTML(
-            "", stylesheets=[SCORE_STYLE], sizing_mode=ui.WIDE, margin=(4, 10), css_classes=["sd-quiz-scores"]
-        )
+        self.scores = ui.Html(stylesheets=[SCORE_STYLE], margin=(4, 10), css_classes=["sd-quiz-scores"])
         self.link = CopyLink(margin=(4, 10), css_classes=["sd-class-link"], sizing_mode=ui.WIDE)
         self.figure = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.clue_figure = pn.Column(sizing_mode=ui.WIDE, margin=0)
@@ -315,3 +323,22 @@ class QuizLesson:
 
 def _difficulties() -> dict[str, str]:
     return {f"{words} {QUIZ_NOISE[key]:g}": key for words, key in DIFFICULTIES.items()}
+
+
+def score_table(
+    truths: Sequence[int], mine: Sequence[int], machine: Sequence[int | None], number: int
+) -> Markup:
+    """Who was right in which round.
+
+    Parameters
+    ----------
+    truths, mine, machine
+        Classes of the rounds answered so far; None where the classifier is not ready.
+    number
+        Round shown now, from 1.
+    """
+    rows = []
+    for name, said in (("You", mine), ("Classifier", machine)):
+        right = [None if a is None else a == truth for truth, a in zip(truths, said, strict=True)]
+        rows.append((name, right, right.count(True)))
+    return ui.render("pages/learn/scores.html", rows=rows, number=number, rounds=ROUNDS)

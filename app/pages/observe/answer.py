@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
-from app.ui.layout import reachable
+from app.ui.templates import render
 from streamdash.observe.table import Table, shown
 from streamdash.plots.report_html import result_tables
 
@@ -33,42 +33,33 @@ tbody th { font-weight: 400; }
 """
 
 
-def answer_html(result: dict[str, Any]) -> str:
+def answer_html(result: dict[str, Any]) -> Markup:
     """The one sentence, large; in a warning's colour where the profile is unlike or unusual."""
-    kind = result["resemblance"]["verdict"]
-    return (
-        f"<p class='answer {kind}' role='status'>{html.escape(result['answer'])}</p>"
-        f"<p>{html.escape(result['agreement'])}</p>"
-    )
+    return render("pages/observe/answer.html", result=result)
 
 
-def numbers_html(result: dict[str, Any]) -> str:
+def numbers_html(result: dict[str, Any]) -> Markup:
     """Resemblance, probabilities with evidence, and the held-out matrix."""
-    return reachable("Numbers of the answer", result_tables(result))
+    return render("pages/observe/numbers.html", tables=result_tables(result))
 
 
-def preview_html(table: Table) -> str:
+def preview_html(table: Table) -> Markup:
     """The first rows of a table as it was read."""
     names = table.names[:COLUMNS_SHOWN]
-    more = len(table.names) - len(names)
-    head = "".join(f"<th scope='col'>{html.escape(shown(name))}</th>" for name in ("line", *names))
-    rows = "".join(
-        f"<tr><td>{line}</td>" + "".join(f"<td>{_cell(value)}</td>" for value in row[: len(names)]) + "</tr>"
-        for line, row in zip(table.lines[:ROWS_SHOWN], table.values, strict=False)
-    )
-    rest = f"{table.n_rows} rows" + (f", {more} more columns" if more > 0 else "")
-    table_html = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
-    return (
-        reachable("First rows of the file", table_html)
-        + f"<p>{rest}; the first {min(ROWS_SHOWN, table.n_rows)} are shown.</p>"
+    rows = zip(table.lines[:ROWS_SHOWN], table.values, strict=False)
+    return render(
+        "pages/observe/preview.html",
+        names=["line", *map(shown, names)],
+        rows=[(line, [_number(value) for value in row[: len(names)]]) for line, row in rows],
+        n_rows=table.n_rows,
+        n_more=len(table.names) - len(names),
     )
 
 
-def list_html(title: str, sentences: Sequence[str]) -> str:
+def list_html(title: str, sentences: Sequence[str]) -> Markup:
     """Sentences under a heading."""
-    items = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in sentences)
-    return f"<h2>{html.escape(title)}</h2><ul>{items}</ul>"
+    return render("pages/observe/list.html", title=title, sentences=sentences)
 
 
-def _cell(value: float) -> str:
+def _number(value: float) -> str:
     return "–" if np.isnan(value) else f"{value:g}"

@@ -180,12 +180,12 @@ class ObservePage(Page):
         self.problem[:] = [ui.error_state(reading.problem)] if reading.problem else []
         self.read_part.visible = table is not None
         self.assumptions.show(reading)
-        self.preview.object = preview_html(table) if table is not None else ""
+        self.preview.write(preview_html(table) if table is not None else "")
         self.controls.view.visible = observation is not None
         self.controls.start.disabled = observation is None
         self.controls.cancel.visible = self.controls.bar.visible = False
         self.controls.text.text = ""
-        self.stated.object = list_html("What is assumed", observation.stated) if observation else ""
+        self.stated.write(list_html("What is assumed", observation.stated) if observation else "")
         what = "The example"
         if self.session.example != "yes":
             what = f"“{reading.source.name}”" if reading.source else "Your table"
@@ -205,20 +205,21 @@ class ObservePage(Page):
         outcome: Outcome = replace(task.result, result=signed(task.result.result, source))
         self.outcome = outcome
         result = outcome.result
-        self.answer.object = answer_html(result)
-        self.numbers.object = numbers_html(result)
-        self.caveats.object = list_html("Mind", result["caveats"]) + list_html(
-            "Where this comes from", provenance_words(result)
+        self.answer.write(answer_html(result))
+        self.numbers.write(numbers_html(result))
+        self.caveats.write(
+            list_html("Mind", result["caveats"])
+            + list_html("Where this comes from", provenance_words(result))
         )
         self.reveal.visible = self.session.example == "yes"
-        self.truth.object = ""
+        self.truth.write("")
         self.card.say(observe.sentence(outcome.observation, outcome.bands, self._names()))
         self.result_part.visible = True
         self._draw()
 
     def _reveal(self) -> None:
         known = json.loads(EXAMPLE_TRUTH.read_text(encoding="utf-8"))
-        self.truth.object = truth_words(known)
+        self.truth.write(truth_words(known))
 
     def _draw(self) -> None:
         """Draw the measurement, alone and over the classes, in the page's ink."""
@@ -297,8 +298,8 @@ class ObservePage(Page):
         return "\n".join(lines) + "\n"
 
 
-def _html(css_class: str) -> pn.pane.HTML:
-    return pn.pane.HTML("", stylesheets=[STYLE], sizing_mode=ui.WIDE, css_classes=[css_class], margin=(0, 10))
+def _html(css_class: str) -> ui.Html:
+    return ui.Html(stylesheets=[STYLE], css_classes=[css_class], margin=(0, 10))
 
 
 def _column(*parts: Viewable) -> pn.Column:

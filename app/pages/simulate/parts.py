@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -58,18 +57,18 @@ class Components:
         parts = config.population.components
         self._numbers = [ui.plain_text("", sizing_mode=None, width=190, margin=(8, 10)) for _ in parts]
         self.rows[:] = [self._row(config, i, i == in_hand) for i in range(len(parts))]
-        self.note.object = html.escape(" ".join(config.population.overlaps()))
+        self.note.write(" ".join(config.population.overlaps()))
 
     def expect(self, impacts: Sequence[float]) -> None:
         """Tell how often each component hits a stream; nothing where that is not known yet."""
         for i, number in enumerate(self._numbers):
-            number.object = f"{impacts[i]:.4g} impacts a stream" if impacts else ""
+            number.write(f"{impacts[i]:.4g} impacts a stream" if impacts else "")
 
     def _row(self, config: EnsembleConfig, i: int, in_hand: bool) -> Viewable:
         parts = config.population.components
         one = EnsembleConfig(perturbers=parts[i])
         label = ", ".join([population_text(one.population), *differences(one)])
-        name = ui.plain_text(html.escape(label), sizing_mode=None, width=330, margin=(8, 10))
+        name = ui.plain_text(label, sizing_mode=None, width=330, margin=(8, 10))
 
         def button(words: str, action: Callable[[], Any]) -> Viewable:
             return ui.button(words, action, size="small", css_classes=[f"sd-sim-{words.lower()}"])
@@ -161,7 +160,7 @@ class Progress:
         """Show how far a job is."""
         self.bar.visible = status.active
         self.bar.value = int(100 * status.fraction)
-        self.numbers.object = words_numbers(status)
+        self.numbers.write(words_numbers(status))
         self.text.text = words_state(status) if status.state != "failed" else ""
         ended = status.state in ("cancelled", "failed")
         self.start.disabled = not ended
@@ -173,7 +172,7 @@ class Progress:
     def announce(self, words: str, can_start: bool, resume: bool) -> None:
         """Show what starting would mean."""
         self.bar.visible = self.cancel.visible = False
-        self.numbers.object = ""
+        self.numbers.write("")
         self.text.text = words
         self.start.disabled = not can_start
         self.start.label = "Resume" if resume else "Simulate"
@@ -209,9 +208,9 @@ class Others:
             rows += [self._row(c.key, c.label, c.config, "") for c in waiting]
             self.rows[:] = rows or [ui.plain_text("None is running, waiting or unfinished.")]
         for status in statuses:
-            self._numbers[status.key].object = words_row(status)
+            self._numbers[status.key].write(words_row(status))
         for choice in waiting:
-            self._numbers[choice.key].object = f"of {choice.config.n_streams} streams · unfinished"
+            self._numbers[choice.key].write(f"of {choice.config.n_streams} streams · unfinished")
 
     def _row(self, key: str, label: str, config: EnsembleConfig, title: str) -> Viewable:
         numbers = self._numbers[key] = ui.plain_text("", sizing_mode=None, width=330, margin=(8, 10))

@@ -9,8 +9,7 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
-from app.pages.spectrum.parts import statistics_study
-from app.pages.spectrum.statements import STYLE, statements_html
+from app.pages.spectrum.parts import STYLE, statements_html, statistics_study
 from app.services.comparison import code_head, configs, noisy_profiles
 from app.session.catalog import Choice
 from app.ui.study import StudyCard
@@ -51,9 +50,7 @@ class SpectrumPage(Page):
         self.live["density"].set_ink(self.session.theme == "dark")
         self.live_b: dict[spectrum.Part, LiveFigure] = {}
         self.later = Later(self.services, self._show_bispectra, self._fail)
-        self.statements = pn.pane.HTML(
-            "", stylesheets=[STYLE], sizing_mode=ui.WIDE, css_classes=["sd-statements"]
-        )
+        self.statements = ui.Html(stylesheets=[STYLE], css_classes=["sd-statements"])
         self.slots = {
             part: pn.Column(ui.plain_text(WAITING), sizing_mode=ui.WIDE, margin=0) for part in PARTS
         }
@@ -163,7 +160,7 @@ class SpectrumPage(Page):
 
     def _say(self) -> None:
         chosen = configs(self.session)
-        self.statements.object = statements_html(self.data, chosen)
+        self.statements.write(statements_html(self.data, chosen))
         self.card.say(spectrum.sentence(self.data, chosen))
         self.track_card.say(spectrum.track_sentence(self.data, chosen))
 

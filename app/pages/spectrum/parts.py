@@ -1,20 +1,82 @@
-"""The comparison of statistics on the Spectrum page: what it computes, shows and says."""
+"""Parts of the Spectrum page: the paper's statements, tested, and the comparison of statistics."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+import math
+from collections.abc import Hashable, Sequence
 
-import panel as pn
+from markupsafe import Markup
 
 from app import ui
-from app.pages.spectrum.comparison import STYLE, statistics_html
+from app.pages.classifier.parts import STYLE as STATISTICS_STYLE
 from app.services.services import Services
 from app.session.session import Session
 from app.ui.study import Study
 from app.work.tasks import Compute
 from app.work.training import streams_of
-from streamdash.paper.statistics import compare_statistics
+from streamdash.config import EnsembleConfig
+from streamdash.paper.statistics import Kept, compare_statistics, ln_b_text
 from streamdash.plots import statistics
+from streamdash.plots.evidence import words
+from streamdash.plots.spectrum import statement_text
+from streamdash.statistics.spectra_in_noise import Shown
+
+STYLE = (
+    ui.TABLE_STYLE
+    + """
+th, td { text-align: left; border-top: 1px solid #80808060; }
+thead th { border-top: 0; font-weight: 500; }
+th, small { white-space: normal; }
+"""
+)
+
+
+def statements_html(shown: Shown, configs: Sequence[EnsembleConfig]) -> Markup:
+    """One row per statement: what the paper says, without noise as in its figure, and as observed."""
+
+    def found(scale: float, true: bool) -> tuple[str, str]:
+        since = "at no scale" if math.isnan(scale) else f"from {scale:.1f}° up"
+        return "✓ true" if true else "✗ not true", since
+
+    return ui.render(
+        "pages/spectrum/statements.html",
+        sigma=shown.sigma,
+        rows=[
+            (
+                statement_text(s, configs),
+                s.limit,
+                found(s.clean_from, s.clean_true),
+                found(s.observed_from, s.observed_true),
+            )
+            for s in shown.statements
+        ],
+    )
+
+
+def statistics_html(rows: Sequence[Kept]) -> Markup:
+    """One row per statistic: accuracy and information of its classifier, and its evidence."""
+    pairs = sorted(rows[0].evidence)
+
+    def ln_b(row: Kept, pair: tuple[int, int]) -> tuple[str, ...]:
+        found = row.evidence.get(pair)
+        return ("–",) if found is None else (ln_b_text(found.value, found.n_unresolved), words(found.value))
+
+    def cells(row: Kept) -> list[tuple[str, ...]]:
+        scores = row.judged.scores
+        accuracy = 100 * scores.values["overall_accuracy"], 100 * scores.errors["overall_accuracy"]
+        return [
+            (f"{len(row.judged.classifier.features.names)}",),
+            (f"{accuracy[0]:.1f} ± {accuracy[1]:.1f} %",),
+            (f"{row.bits:.3f} ± {row.bits_error:.3f}",),
+            *(ln_b(row, pair) for pair in pairs),
+        ]
+
+    return ui.render(
+        "pages/spectrum/statistics.html",
+        n_held_out=len(rows[0].judged.y),
+        pairs=pairs,
+        rows=[(row.name, cells(row)) for row in rows],
+    )
 
 
 def statistics_study(services: Services, session: Session) -> Study:
@@ -54,5 +116,5 @@ def statistics_study(services: Services, session: Session) -> Study:
         statistics.statistics_sentence,
         code,
         (("none", "information on the class with its standard error; upright line: certainty"),),
-        lambda rows: pn.pane.HTML(statistics_html(rows), stylesheets=[STYLE], sizing_mode=ui.WIDE),
+        lambda rows: ui.Html(statistics_html(rows), stylesheets=[STATISTICS_STYLE]),
     )

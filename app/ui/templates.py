@@ -1,0 +1,64 @@
+"""HTML: made by templates, in which every value is escaped, and shown by `Html`; by nothing else in the app.
+
+A template of more than a line is a file beside the code that fills it, named by its path below ``app/``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import panel as pn
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from streamdash.naming import class_colour
+
+TEMPLATES = Environment(
+    loader=FileSystemLoader(Path(__file__).resolve().parents[1]),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    auto_reload=False,
+)
+TEMPLATES.globals["class_colour"] = class_colour
+TABLE_STYLE = """
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font: 14px/1.4 Roboto, sans-serif; width: 100%; }
+caption { text-align: left; padding: 4px 8px; font-weight: 500; }
+th, td { padding: 4px 8px; text-align: right; vertical-align: top; white-space: nowrap; }
+th[scope=row] { text-align: left; font-weight: 400; }
+thead th { border-bottom: 1px solid #808080; }
+small { display: block; opacity: 0.8; font-size: 12px; }
+"""
+"""What tables have in common; a table's own style follows it."""
+
+
+def render(name: str, /, **values: Any) -> Markup:
+    """HTML of the template of a file, such as ``pages/evidence/cumulative.html``."""
+    return Markup(TEMPLATES.get_template(name).render(values))  # noqa: S704 - escaped by the template
+
+
+def fill(source: str, /, **values: Any) -> Markup:
+    """HTML of a template that is a line of code."""
+    return Markup(TEMPLATES.from_string(source).render(values))  # noqa: S704 - escaped by the template
+
+
+class Html(pn.pane.HTML):
+    """Shows HTML from a template as such and any other text as text, whoever wrote it.
+
+    Parameters
+    ----------
+    content
+        As for `write`.
+    """
+
+    priority: ClassVar[float | bool | None] = False  # not Panel's choice for what stands in a layout
+
+    def __init__(self, content: str = "", **params: Any) -> None:
+        super().__init__(str(escape(content)), **{"sizing_mode": "stretch_width", **params})
+
+    def write(self, content: str) -> None:
+        """Show something else: what `render` and `fill` return, or text."""
+        self.object = str(escape(content))
