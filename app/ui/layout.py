@@ -14,7 +14,7 @@ from markupsafe import escape
 from panel.viewable import Viewable
 
 from app.ui.browser import LiveText
-from app.ui.templates import Html, fill
+from app.ui.templates import Html, fill, literally
 
 WIDE = "stretch_width"
 CODE_STYLE = "pre { margin: 0; padding: 4px 16px; overflow-x: auto; font-size: 13px; line-height: 1.45; }"
@@ -93,7 +93,7 @@ class FigureCard:
         self._sentence = LiveText(sizing_mode=WIDE, margin=(6, 0), css_classes=["sd-sentence"])
         self._listing = Html(stylesheets=[CODE_STYLE], margin=0, css_classes=["sd-code"])
         figures = figures if isinstance(figures, list | tuple) else [figures]
-        heading = pmui.Typography(str(escape(title)), variant="h6", margin=0, sx={"flex": "1 1 auto"})
+        heading = pmui.Typography(literally(title), variant="h6", margin=0, sx={"flex": "1 1 auto"})
         self.files = {
             "png": lambda: image("png"),
             "svg": lambda: image("svg"),
@@ -146,7 +146,7 @@ class FigureCard:
 def folded(title: str, parts: Sequence[Viewable], name: str, **params: Any) -> Viewable:
     """What few need, closed until somebody opens it; ``sd-<name>`` is its class."""
     return pmui.Accordion(
-        (title, pn.Column(*parts, sizing_mode=WIDE, margin=0, styles={"overflow-x": "auto"})),
+        (str(escape(title)), pn.Column(*parts, sizing_mode=WIDE, margin=0, styles={"overflow-x": "auto"})),
         disable_gutters=True,
         elevation=0,
         css_classes=[f"sd-{name}"],

@@ -5,6 +5,7 @@ A template of more than a line is a file beside the code that fills it, named by
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -43,6 +44,11 @@ def render(name: str, /, **values: Any) -> Markup:
 def fill(source: str, /, **values: Any) -> Markup:
     """HTML of a template that is a line of code."""
     return Markup(TEMPLATES.from_string(source).render(values))  # noqa: S704 - escaped by the template
+
+
+def literally(text: str) -> str:
+    """Text that Markdown shows as it is: a name somebody gave is no link, image or emphasis."""
+    return re.sub(r"([!-/:-@\[-`{-~])", r"\\\1", text)  # all of ASCII's punctuation
 
 
 class Html(pn.pane.HTML):

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import panel_material_ui as pmui
-from markupsafe import escape
 
 from app.session.catalog import Choice
 from app.ui.layout import WIDE
-from app.ui.templates import Html, fill, render
+from app.ui.templates import Html, fill, literally, render
 from streamdash.naming import class_colour
 
 LEGEND_STYLE = """
@@ -38,7 +37,7 @@ def plain_text(text: str, **params: Any) -> Html:
 
 def caption(text: str) -> pmui.Typography:
     """Small heading of a control that has none of its own."""
-    return pmui.Typography(str(escape(text)), variant="caption", margin=0)
+    return pmui.Typography(literally(text), variant="caption", margin=0)
 
 
 def class_heading(index: int, choice: Choice) -> Html:

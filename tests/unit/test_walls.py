@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -69,6 +70,38 @@ def test_the_forbidden_is_found(tmp_path, monkeypatch, line):
     path.write_text(f"{line}\n")
     monkeypatch.setattr(sys.modules[__name__], "ROOT", tmp_path)
     assert FORBIDDEN & {what for _, what in calls_and_imports(path)}
+
+
+TRUSTED = {"app/ui/templates.py", "streamdash/plots/report_html.py"}
+"""The two environments of templates; nobody else says that a text is markup."""
+
+
+def html_by_hand(path: Path) -> Iterator[str]:
+    """Where HTML is put together without a template that escapes what is put in."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=name(path))):
+        if isinstance(node, ast.JoinedStr):
+            texts = [part.value for part in node.values if isinstance(part, ast.Constant)]
+            if any(re.search(r"</?[a-z]", str(text)) for text in texts):
+                yield f"{name(path)}:{node.lineno}: a tag in an f-string"
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) in (
+            "html.escape",
+            "pn.pane.HTML",
+            "Markup",
+        ):
+            yield f"{name(path)}:{node.lineno}: {ast.unparse(node.func)}"
+
+
+def test_html_comes_from_templates():
+    found = [where for path in SHIPPED if name(path) not in TRUSTED for where in html_by_hand(path)]
+    assert found == []
+
+
+@pytest.mark.parametrize("line", ['f"<b>{x}</b>"', "html.escape(x)", "pn.pane.HTML(x)", "Markup(x)"])
+def test_html_by_hand_is_found(tmp_path, monkeypatch, line):
+    path = tmp_path / "module.py"
+    path.write_text(f"{line}\n")
+    monkeypatch.setattr(sys.modules[__name__], "ROOT", tmp_path)
+    assert len(list(html_by_hand(path))) == 1
 
 
 def test_no_module_is_too_long():

@@ -105,6 +105,9 @@ def test_the_wheel_holds_one_package_and_the_shipped_simulations(wheel):
     shipped_files = {f"streamdash/shipped/{file}" for file in files if "/." not in file}
     assert len(shipped_files) > 100 and shipped_files <= set(names)
     assert {"streamdash/py.typed", "streamdash/shipped/app/main.py"} <= set(names)
+    templates = [path.relative_to(ROOT).as_posix() for path in ROOT.glob("[as]*/**/*.html")]
+    inside = {f"streamdash/shipped/{t}" if t.startswith("app/") else t for t in templates}
+    assert len(inside) > 10 and inside <= set(names)
     read = {name for path in shipped() for name in re.findall(r'DOCS / "([^"]+)"', path.read_text("utf-8"))}
     assert read and {f"streamdash/shipped/docs/{name}" for name in read} <= set(names)
     assert [name for name in names if "/." in name or "__pycache__" in name] == []

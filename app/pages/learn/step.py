@@ -9,6 +9,7 @@ import pandas as pd
 from panel.viewable import Viewable
 
 from app.page import Page
+from app.ui.templates import literally
 from streamdash.config import StreamModel
 from streamdash.plots.live import Backend, Columns
 
@@ -35,13 +36,13 @@ class Step:
 
     @property
     def light(self) -> str:
-        """The lowest mass range compared, in words."""
-        return self.choices[0].label
+        """The lowest mass range compared, in words for Markdown."""
+        return literally(self.choices[0].label)
 
     @property
     def heavy(self) -> str:
         """The highest."""
-        return self.choices[-1].label
+        return literally(self.choices[-1].label)
 
     def compute(self) -> None:
         """Find what is shown for the session's choices."""
