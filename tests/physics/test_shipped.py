@@ -57,7 +57,7 @@ def test_ensembles_of_all_ranges_are_shipped(shipped):
 
 
 def apart(geometry, config, stored, numbers):
-    """How far streams are from their stored ones, (stream, angle): density, frequency; in the smooth one's."""
+    """Density and frequency, (stream, angle): how far from the stored ones, in the smooth stream's."""
     found = []
     for i in numbers:
         density, omega, n_impacts = compute_stream(geometry, config, i)
