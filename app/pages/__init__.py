@@ -35,8 +35,9 @@ Rules
   shell closes the page and builds it anew when its structure must change: when ``stream`` or
   ``mass`` (the compared ensembles) change. `update` is called for every other name in `uses`,
   inside ``pn.io.hold()``. A page watches the session only through `Page.bind`, which `close` undoes.
-- **State** belongs in `app.session.session.Session` (one parameter, one line in ``FIELDS``): then it is in
-  the URL, checked, and survives leaving the page. Bind widgets with the helpers in `app.ui`
+- **State** is a field (`app.session.fields`) of `app.session.session.Session` or, where it is one page's,
+  of the class in its ``state.py``: bounds, default and words are declared there and nowhere else. Then it
+  is in the URL, checked, and survives leaving the page. Bind widgets with the helpers in `app.ui`
   (``slider``, ``int_slider``, ``toggle``, ``select``: first argument the page); they are two-way.
 - **Compute** with ``services.shared(("pdf", keys, noise, n_bin), compute)``: one computation for all
   sessions; the key is everything the result depends on. ``session.ensembles`` are the chosen
@@ -50,8 +51,9 @@ Rules
   Ink that must contrast with the page (medians, reference lines): put the label in
   ``LiveFigure(..., ink=("median", ...))`` and call ``live.ink(session.theme)`` when "theme" changes.
 - **Errors**: raise `app.services.services.Unavailable` with one sentence for what cannot be shown;
-  ``ui.error_state`` and ``ui.message`` draw the rest. Text from users or files goes through
-  ``ui.plain_text`` only.
+  ``ui.error_state`` and ``ui.message`` draw the rest.
+- **HTML** is a Jinja template beside the page (``pages/<key>/name.html``; macros in ``ui/macros.html``),
+  filled by ``ui.render`` and shown by ``ui.Html``, which shows anything else as text, whoever wrote it.
 - **Downloads and code**: `FigureCard` makes PNG, SVG, CSV and "Show the code" of what is shown *now*:
   pass functions, not values. `say` sets the sentence under the figure (screen readers hear it).
 - Give what a browser test holds on to a CSS class ``sd-…``.

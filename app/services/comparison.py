@@ -13,9 +13,6 @@ from app.session.session import Session
 from streamdash.config import EnsembleConfig
 from streamdash.statistics.evidence import RULES, Comparison, compare
 
-N_BIN_SHOWN = (5, 100)
-"""Fewest and most bins of Qρ on the sliders; links may go from 2 to 500."""
-
 
 def choice_key(session: Session) -> tuple:
     """Everything that a result of the chosen classes at the chosen noise depends on."""

@@ -1,9 +1,8 @@
 """What one browser session has chosen, and its form in the URL.
 
 `read_query` and `write_query` are pure functions; `Session` holds the values widgets bind to.
-To let a page remember something new: add a parameter to `Session` and a line to `FIELDS`; a page
-with choices of its own only keeps both in ``app/state_<page>.py``, as a class that `Session` inherits
-from and a dictionary that `FIELDS` takes in.
+To let a page remember something new, add a field of `app.session.fields` to `Session`, or, where it is
+that page's alone, to the class in ``app/pages/<page>/state.py``, which `Session` inherits from.
 """
 
 from __future__ import annotations
@@ -14,50 +13,18 @@ from uuid import uuid4
 
 import param
 
-from app.pages.convergence.state import FIELDS as CONVERGENCE
 from app.pages.convergence.state import ConvergenceState
-from app.pages.learn.state import FIELDS as LEARN
 from app.pages.learn.state import LearnState
-from app.pages.observe.state import FIELDS as OBSERVE
 from app.pages.observe.state import ObserveState
-from app.pages.simulate.state import FIELDS as SIMULATE
 from app.pages.simulate.state import SimulateState
 from app.session.catalog import CLASSES_MAX, CLASSES_MIN, Catalog
-from app.session.fields import Field, integer, number, option
+from app.session.fields import Decimal, Field, OneOf, Whole, check_word, fields_of
 from streamdash.plots.style import COORDINATE_LABELS
-from streamdash.statistics.evidence import RULES
 
 QUANTITIES = {"q_rho": "Qρ", "rho": "ρ", "omega": "⟨Ω∥⟩"}
-N_BIN = (2, 500)
-HIGHLIGHTS_MAX = 10
-SEED_MAX = 9999
-N_PCA_MAX = 100
+RULE_WORDS = {"central": "central 99.8 %", "noise": "paper: 3 σ_ε", "measured": "3 own widths"}
+N_BIN_MAX = 500
 _LONGEST_SHOWN = 40
-
-
-FIELDS: dict[str, Field] = {
-    "noise": number(0.0, 1.0),
-    "n_bin": integer(*N_BIN),
-    "alpha": integer(0, N_BIN[1]),
-    "fiducial": integer(0, CLASSES_MAX - 1),
-    "exclude": option(*RULES),
-    "x": option(*COORDINATE_LABELS),
-    "y": option(*QUANTITIES),
-    "highlight": integer(0, HIGHLIGHTS_MAX),
-    "seed": integer(0, SEED_MAX),
-    "preset": option("best", "paper"),
-    "n_pca": integer(1, N_PCA_MAX),
-    "features": option("both", "pca", "summaries"),
-    "depth": integer(0, 128),
-    "trees": integer(0, 2000),
-    "cell": integer(0, CLASSES_MAX**2),
-    "theme": option("default", "dark"),
-    **LEARN,
-    **OBSERVE,
-    **CONVERGENCE,
-    **SIMULATE,
-}
-"""Values that can be checked alone; ``page``, ``stream`` and ``mass`` need to know what exists."""
 
 
 class Session(LearnState, ObserveState, ConvergenceState, SimulateState):
@@ -66,32 +33,30 @@ class Session(LearnState, ObserveState, ConvergenceState, SimulateState):
     page = param.String("", doc="key of the page shown; empty: the first")
     stream = param.String("", doc="key of the stream model; empty: the first of the catalog")
     mass = param.List([], item_type=str, doc="cache keys of the ensembles compared, lowest masses first")
-    noise = param.Number(0.1, bounds=(0, 1), step=0.01, doc="shot noise σ_ε per 0.2° bin")
-    n_bin = param.Integer(20, bounds=N_BIN, doc="number of bins of PDF(Qρ)")
-    alpha = param.Integer(0, bounds=(0, N_BIN[1]), doc="bin of PDF(Qρ) looked into, from 1; 0: at Qρ = 1")
-    fiducial = param.Integer(0, bounds=(0, CLASSES_MAX - 1), doc="model that data are assumed to come from")
-    exclude = param.Selector(
-        default="central",
-        objects=list(RULES),
-        doc="rules that say which bins of Qρ count in the evidence",
+    noise = Decimal(0.1, (0, 1), doc="shot noise σ_ε per 0.2° bin")
+    n_bin = Whole(20, (2, N_BIN_MAX), softbounds=(5, 100), doc="number of bins of PDF(Qρ)")
+    alpha = Whole(0, (0, N_BIN_MAX), doc="bin of PDF(Qρ) looked into, from 1; 0: at Qρ = 1")
+    fiducial = Whole(0, (0, CLASSES_MAX - 1), doc="model that data are assumed to come from")
+    exclude = OneOf("central", RULE_WORDS, doc="rules that say which bins of Qρ count in the evidence")
+    x = OneOf("ell", COORDINATE_LABELS, doc="coordinate along the stream")
+    y = OneOf("q_rho", QUANTITIES, doc="quantity shown in profiles")
+    highlight = Whole(3, (0, 10), doc="number of highlighted streams")
+    seed = Whole(0, (0, 9999), doc="seed that picks the highlighted streams")
+    preset = OneOf("best", {"best": "Best", "paper": "Paper"}, doc="classifier to start from")
+    n_pca = Whole(30, (1, 100), doc="principal components the classifier is given")
+    features = OneOf(
+        "both",
+        {"both": "Both", "pca": "Components", "summaries": "Summaries"},
+        doc="what the classifier is given",
     )
-    x = param.Selector(default="ell", objects=list(COORDINATE_LABELS), doc="coordinate along the stream")
-    y = param.Selector(default="q_rho", objects=list(QUANTITIES), doc="quantity shown in profiles")
-    highlight = param.Integer(3, bounds=(0, HIGHLIGHTS_MAX), doc="number of highlighted streams")
-    seed = param.Integer(0, bounds=(0, SEED_MAX), doc="seed that picks the highlighted streams")
-    preset = param.Selector(default="best", objects=["best", "paper"], doc="classifier to start from")
-    n_pca = param.Integer(30, bounds=(1, N_PCA_MAX), doc="principal components the classifier is given")
-    features = param.Selector(
-        default="both", objects=["both", "pca", "summaries"], doc="what the classifier is given"
-    )
-    depth = param.Integer(0, bounds=(0, 128), doc="depth of the trees; 0: the preset's")
-    trees = param.Integer(0, bounds=(0, 2000), doc="trees per class; 0: the preset's")
-    cell = param.Integer(
+    depth = Whole(0, (0, 128), doc="depth of the trees; 0: the preset's")
+    trees = Whole(0, (0, 2000), doc="trees per class; 0: the preset's")
+    cell = Whole(
         0,
-        bounds=(0, CLASSES_MAX**2),
+        (0, CLASSES_MAX**2),
         doc="cell of the confusion matrix looked into, row by row from 1; 0: the most common mistake",
     )
-    theme = param.Selector(default="default", objects=["default", "dark"], doc="light or dark")
+    theme = OneOf("default", ("default", "dark"), doc="light or dark")
 
     problems = param.List([], item_type=str, doc="what was wrong with the link, one sentence each")
     catalog = param.ClassSelector(class_=Catalog, default=Catalog(), doc="streams and ensembles there are")
@@ -110,8 +75,8 @@ class Session(LearnState, ObserveState, ConvergenceState, SimulateState):
     def load(self, search: str) -> None:
         """Take over a URL's query; what is missing or wrong becomes the default."""
         values, problems = read_query(search, self.pages, self.catalog)
-        defaults = {name: type(self).param[name].default for name in (*FIELDS, "page", "stream")}
-        self.param.update(**{**defaults, **values, "problems": problems})
+        defaults = {name: field.default for name, field in FIELDS.items()}
+        self.param.update(**{**defaults, "page": "", **values, "problems": problems})
 
     def refresh(self, catalog: Catalog) -> None:
         """Take over a newer catalog; what is chosen stays as far as it still exists."""
@@ -126,6 +91,11 @@ class Session(LearnState, ObserveState, ConvergenceState, SimulateState):
                 values["problems"] = [*self.problems, gone]
         self.param.update(**values)
 
+    def advance(self, name: str, **others: Any) -> None:
+        """Give a whole number, such as a seed, its next value (after the last the first), and set others."""
+        low, high = self.param[name].bounds
+        self.param.update(**{name: low + (getattr(self, name) + 1 - low) % (high + 1 - low)}, **others)
+
     @property
     def search(self) -> str:
         """The query that reproduces this view; what has its default value is left out."""
@@ -136,6 +106,10 @@ class Session(LearnState, ObserveState, ConvergenceState, SimulateState):
         stream = self.catalog.stream(key)
         if stream is not None:
             self.param.update(stream=key, mass=[c.key for c in stream.default()])
+
+
+FIELDS: dict[str, Field] = fields_of(Session)
+"""Choices that can be checked alone; ``page``, ``stream`` and ``mass`` need to know what exists."""
 
 
 def read_query(search: str, pages: tuple[str, ...], catalog: Catalog) -> tuple[dict[str, Any], list[str]]:
@@ -159,11 +133,10 @@ def read_query(search: str, pages: tuple[str, ...], catalog: Catalog) -> tuple[d
     given, problems = _split(search)
     values: dict[str, Any] = {}
     for name, text in given.items():
-        field = option(*pages) if name == "page" else FIELDS.get(name)
-        if field is None:
+        if name in ("stream", "mass"):
             continue
         try:
-            values[name] = field.read(text)
+            values[name] = check_word(text, pages) if name == "page" else FIELDS[name].read(text)
         except ValueError as error:
             problems.append(f"{name}={_short(text)} in the link was ignored: {name} {error}.")
     stream = catalog.stream(given.get("stream", ""))
@@ -233,7 +206,7 @@ def write_query(session: Session) -> str:
             query["mass"] = ",".join(c.token for c in session.ensembles)
     for name, field in FIELDS.items():
         value = getattr(session, name)
-        if value != type(session).param[name].default:
+        if value != field.default:
             query[name] = field.write(value)
     return f"?{urlencode(query, safe=',~')}" if query else ""
 
@@ -243,7 +216,7 @@ def link_to(session: Session, **changes: Any) -> str:
     query = dict(parse_qsl(write_query(session).lstrip("?")))
     for name, value in changes.items():
         query.pop(name, None)
-        default = session.pages[0] if name == "page" else type(session).param[name].default
+        default = session.pages[0] if name == "page" else FIELDS[name].default
         if value != default:
             query[name] = value if name == "page" else FIELDS[name].write(value)
     other = Session(session.pages, session.catalog)

@@ -35,8 +35,12 @@ def slider(page: Page, name: str, label: str, step: float = 0.01, **params: Any)
     return page.bind(name, widget, to_session=lambda value: round(value, 3))
 
 
-def int_slider(page: Page, name: str, label: str, start: int, end: int, **params: Any) -> pmui.IntSlider:
-    """Slider of a session integer; ``start`` and ``end`` may be narrower than its bounds."""
+def int_slider(
+    page: Page, name: str, label: str, start: int | None = None, end: int | None = None, **params: Any
+) -> pmui.IntSlider:
+    """Slider of a session's whole number, from ``start`` to ``end``, or over its soft bounds."""
+    low, high = page.session.param[name].get_soft_bounds()
+    start, end = low if start is None else start, high if end is None else end
     widget = pmui.IntSlider(label=label, start=start, end=end, **_sized(name, params))
     _answer_at_once(widget)
     return page.bind(name, widget, to_widget=lambda value: min(max(value, start), end))
@@ -52,10 +56,15 @@ def number_slider(label: str, start: int, end: int, value: int, name: str) -> pm
     return pmui.IntSlider(label=label, start=start, end=end, value=value, **_sized(name, {}))
 
 
-def toggle(page: Page, name: str, label: str, options: dict[str, Any], **params: Any) -> Viewable:
-    """One of a few values as buttons side by side; ``options`` maps what is read to the value."""
+def toggle(
+    page: Page, name: str, label: str, options: dict[str, Any] | None = None, **params: Any
+) -> Viewable:
+    """One of a few values as buttons side by side.
+
+    ``options`` maps what is read to the value; when they are not given they are the field's own.
+    """
     widget = pmui.RadioButtonGroup(
-        options=options,
+        options=page.session.param[name].options if options is None else options,
         value=getattr(page.session, name),
         size="small",
         margin=0,
@@ -73,8 +82,9 @@ def menu(name: str, label: str, options: dict[str, Any], **params: Any) -> pn.wi
     )
 
 
-def select(page: Page, name: str, label: str, options: dict[str, Any], **params: Any) -> pn.widgets.Select:
-    """One of several values of a session as a menu."""
+def select(page: Page, name: str, label: str, **params: Any) -> pn.widgets.Select:
+    """One of the values of a session's field as a menu."""
+    options = page.session.param[name].options
     return page.bind(name, menu(name, label, options, value=getattr(page.session, name), **params))
 
 

@@ -17,7 +17,6 @@ from streamdash.statistics.features import ALL_SUMMARIES
 from streamdash.survey.observed import ObservedStreams
 
 logger = logging.getLogger(__name__)
-FEATURES = {"both": "Both", "pca": "Components", "summaries": "Summaries"}
 
 
 def settings_of(session: Session) -> ClassifierConfig:

@@ -10,9 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.session.catalog import Catalog, read_catalog
-from app.session.session import FIELDS, HIGHLIGHTS_MAX, N_BIN, QUANTITIES, SEED_MAX, Session, read_query
+from app.session.fields import Decimal, Whole
+from app.session.session import FIELDS, Session, read_query
 from streamdash.config import EnsembleConfig, Perturbers, StreamModel
 from streamdash.plots.style import COORDINATE_LABELS
+from streamdash.statistics.evidence import RULES
 from streamdash.store.cache import Entry
 
 PAGES = ("profiles", "pdf")
@@ -70,11 +72,11 @@ def test_an_empty_link_shows_the_papers_two_classes(catalog):
 
 @given(
     noise=st.floats(0, 1).map(lambda value: round(value, 3)),
-    n_bin=st.integers(*N_BIN),
+    n_bin=st.integers(*Session.param.n_bin.bounds),
     x=st.sampled_from(list(COORDINATE_LABELS)),
-    y=st.sampled_from(list(QUANTITIES)),
-    highlight=st.integers(0, HIGHLIGHTS_MAX),
-    seed=st.integers(0, SEED_MAX),
+    y=st.sampled_from(Session.param.y.objects),
+    highlight=st.integers(*Session.param.highlight.bounds),
+    seed=st.integers(*Session.param.seed.bounds),
     theme=st.sampled_from(["default", "dark"]),
     page=st.sampled_from(PAGES),
     chosen=st.lists(st.sampled_from(RANGES), min_size=2, max_size=4, unique=True),
@@ -206,3 +208,48 @@ def test_an_empty_cache_gives_a_session_without_ensembles():
     session = opened(Catalog(), "?mass=1e3-1e5&noise=0.3")
     assert session.ensembles == ()
     assert session.noise == 0.3
+
+
+ORDER = (
+    "noise n_bin alpha fiducial exclude x y highlight seed preset n_pca features depth trees cell theme "
+    "lesson step mass10 size b speed pitch azimuth when where flybys crowd crowd_of crowd_seed frame "
+    "difficulty game round answers average example profile_kind profile_order profile_coordinate"
+).split()
+
+
+def test_links_keep_the_order_that_links_of_before_have():
+    names = list(FIELDS)
+    assert [name for name in names if name in ORDER] == ORDER
+    assert names.index("average") < names.index("knob") < names.index("sim_mass") < names.index("sim_title")
+
+
+def test_the_rules_on_offer_are_the_rules_there_are():
+    assert Session.param.exclude.objects == list(RULES)
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, field in FIELDS.items() if isinstance(field, Decimal | Whole)]
+)
+def test_links_sessions_and_widgets_have_the_same_bounds(catalog, name):
+    field = Session.param[name]
+    low, high = field.bounds
+    shown = field.get_soft_bounds()
+    assert low <= shown[0] <= field.default <= shown[1] <= high
+    for value, beyond in ((low, low - 1), (high, high + 1)):
+        assert field.read(field.write(value)) == value
+        session = opened(catalog, "?" + urlencode({name: field.write(value)}))
+        assert session.problems == [] and getattr(session, name) == value
+        with pytest.raises(ValueError, match="must be"):
+            field.read(field.write(beyond))
+        with pytest.raises(ValueError):
+            setattr(session, name, beyond)
+        assert getattr(session, name) == value
+
+
+def test_a_seed_advances_and_begins_anew(catalog):
+    session = opened(catalog, "")
+    session.seed = Session.param.seed.bounds[1] - 1
+    session.advance("seed")
+    assert session.seed == Session.param.seed.bounds[1]
+    session.advance("seed", highlight=2)
+    assert (session.seed, session.highlight) == (0, 2)

@@ -13,16 +13,14 @@ from app import ui
 from app.page import Page
 from app.pages.classifier.parts import STYLE, scores_html, studies_of
 from app.services.services import Unavailable
-from app.session.session import N_PCA_MAX
 from app.ui.study import StudyCard, TaskControls
 from app.work.tasks import Task, Watch
-from app.work.training import FEATURES, choices_of, code_head, streams_of, training
+from app.work.training import choices_of, code_head, streams_of, training
 from streamdash.classifier.model import PRESETS
 from streamdash.classifier.train import Judged
 from streamdash.plots import classifier
 from streamdash.plots.live import LiveFigure, export
 
-PRESET_NAMES = {"Best": "best", "Paper": "paper"}
 LEGEND_STREAMS = (("line", "without noise, in class colour"), ("grey", "as observed, with noise"))
 
 
@@ -118,9 +116,9 @@ class ClassifierPage(Page):
             ui.stream_picker(self),
             ui.ensemble_picker(self),
             ui.noise_slider(self),
-            ui.toggle(self, "preset", "Start from", PRESET_NAMES),
-            ui.toggle(self, "features", "Features", {words: value for value, words in FEATURES.items()}),
-            ui.int_slider(self, "n_pca", "Principal components", 1, N_PCA_MAX, width=200),
+            ui.toggle(self, "preset", "Start from"),
+            ui.toggle(self, "features", "Features"),
+            ui.int_slider(self, "n_pca", "Principal components", width=200),
         )
 
     def _cell_picker(self) -> Viewable:

@@ -11,13 +11,12 @@ from panel.viewable import Viewable
 from app import ui
 from app.page import Page
 from app.pages.convergence.parts import STYLE, shifts_html, verdicts_html
-from app.pages.convergence.state import SIZES
 from app.services.services import Services
 from app.session.session import Session
 from app.ui.study import TaskControls
 from app.work.tasks import Compute, Task, Watch
 from streamdash.classifier.data import Cancelled
-from streamdash.convergence.knobs import KNOBS, ConvergenceTest, knob
+from streamdash.convergence.knobs import ConvergenceTest, knob
 from streamdash.convergence.spectra import compute_missing, missing
 from streamdash.convergence.text import Measured, cost, cost_sentence, measure
 from streamdash.convergence.verdicts import verdict_sentence
@@ -98,12 +97,10 @@ class ConvergencePage(Page):
     # ------------------------------------------------------------ inside
 
     def _controls(self) -> Viewable:
-        titles = {knob(key).title: key for key in KNOBS}
-        sizes = {f"{size}": f"{size}" for size in SIZES}
         return ui.controls(
-            ui.select(self, "knob", "Test", titles, width=340),
-            ui.toggle(self, "lab_streams", "Streams per setting", sizes),
-            ui.int_slider(self, "lab_seed", "Seed of the random numbers", 0, 99),
+            ui.select(self, "knob", "Test", width=340),
+            ui.toggle(self, "lab_streams", "Streams per setting"),
+            ui.int_slider(self, "lab_seed", "Seed of the random numbers"),
         )
 
     def _make_cards(self) -> None:

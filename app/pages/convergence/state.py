@@ -2,29 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import param
 
-from app.session.fields import Field, integer, option
-from streamdash.convergence.knobs import KNOBS, N_STREAMS
-
-SEED_MAX = 9999
-SIZES = (100, 250, N_STREAMS)
-"""Numbers of streams per setting that can be asked for."""
-
-FIELDS: dict[str, Field] = {
-    "knob": option(*KNOBS),
-    "lab_streams": option(*map(str, SIZES)),
-    "lab_seed": integer(0, SEED_MAX),
-}
+from app.session.fields import OneOf, Whole
+from streamdash.convergence.knobs import KNOBS, N_STREAMS, knob
 
 
 class ConvergenceState(param.Parameterized):
     """Choices of the Convergence page."""
 
-    knob: Any = param.Selector(default=next(iter(KNOBS)), objects=list(KNOBS), doc="test shown")
-    lab_streams: Any = param.Selector(
-        default=str(N_STREAMS), objects=[str(size) for size in SIZES], doc="streams per setting"
-    )
-    lab_seed = param.Integer(0, bounds=(0, SEED_MAX), doc="seed of the settings' random numbers")
+    knob = OneOf(next(iter(KNOBS)), {key: knob(key).title for key in KNOBS}, doc="test shown")
+    lab_streams = OneOf(str(N_STREAMS), ("100", "250", str(N_STREAMS)), doc="streams per setting")
+    lab_seed = Whole(0, (0, 9999), softbounds=(0, 99), doc="seed of the settings' random numbers")

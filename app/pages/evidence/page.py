@@ -11,7 +11,6 @@ from app import ui
 from app.page import Page
 from app.pages.evidence.parts import STYLE, evidence_table
 from app.services.comparison import (
-    N_BIN_SHOWN,
     choice_key,
     code_head,
     configs,
@@ -153,14 +152,13 @@ class EvidencePage(Page):
     def _controls(self) -> Viewable:
         fiducials = {f"M{i}": i for i in range(len(self.session.ensembles))}
         self.session.fiducial = self.fiducial
-        rules = {"central 99.8 %": "central", "paper: 3 σ_ε": "noise", "3 own widths": "measured"}
         return ui.controls(
             ui.stream_picker(self),
             ui.ensemble_picker(self),
             ui.noise_slider(self),
-            ui.int_slider(self, "n_bin", "Bins of Qρ, N_bin", *N_BIN_SHOWN),
+            ui.int_slider(self, "n_bin", "Bins of Qρ, N_bin"),
             ui.toggle(self, "fiducial", "Fiducial model", fiducials),
-            ui.toggle(self, "exclude", "Bins of Qρ that count", rules),
+            ui.toggle(self, "exclude", "Bins of Qρ that count"),
         )
 
     def _make_cards(self) -> None:

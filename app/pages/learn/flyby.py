@@ -9,7 +9,7 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
-from app.pages.learn.state import CROWD_MAX, FLYBYS_MAX, GAME_MAX, HAND
+from app.pages.learn.state import FLYBYS_MAX, HAND
 from app.services.comparison import set_range
 from app.ui.browser import LiveText
 from app.ui.player import Player
@@ -124,7 +124,7 @@ class FlybyLesson:
 
     def draw_others(self) -> None:
         """Other random fly-bys, and other noise."""
-        self.session.crowd_seed = (self.session.crowd_seed + 1) % (GAME_MAX + 1)
+        self.session.advance("crowd_seed")
 
     def code(self, call: str, function: str, name: str) -> str:
         """Lines of Python that make one of the figures as it is now."""
@@ -236,7 +236,7 @@ class FlybyLesson:
         crowd = ui.folded(
             "Many random fly-bys on top",
             [
-                ui.int_slider(page, "crowd", "How many", 0, CROWD_MAX),
+                ui.int_slider(page, "crowd", "How many"),
                 ui.toggle(page, "crowd_of", "with masses of", masses),
                 ui.button("Draw others", self.draw_others, css_classes=["sd-draw-others"], margin=(4, 10)),
             ],

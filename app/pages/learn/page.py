@@ -13,7 +13,6 @@ from app.pages.learn.flyby import USES as FLYBY_USES
 from app.pages.learn.flyby import FlybyLesson
 from app.pages.learn.quiz import USES as QUIZ_USES
 from app.pages.learn.quiz import QuizLesson
-from app.pages.learn.state import LESSONS
 from app.pages.learn.story import USES as STORY_USES
 from app.pages.learn.story import StoryLesson
 
@@ -30,7 +29,7 @@ class LearnPage(Page):
         self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.lesson: Any = None
         self._open()
-        return ui.page_layout(ui.controls(ui.toggle(self, "lesson", "Learn by", LESSONS)), self.slot)
+        return ui.page_layout(ui.controls(ui.toggle(self, "lesson", "Learn by")), self.slot)
 
     def update(self, changed: frozenset[str]) -> None:
         if "lesson" in changed:

@@ -13,7 +13,7 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
-from app.pages.learn.state import AVERAGE_MAX, DIFFICULTIES, GAME_MAX, QUIZ_NOISE, ROUNDS
+from app.pages.learn.state import DIFFICULTIES, QUIZ_NOISE, ROUNDS
 from app.services.services import Unavailable
 from app.session.session import link_to
 from app.ui.browser import CopyLink, LiveText
@@ -104,7 +104,7 @@ class QuizLesson:
 
     def new_game(self) -> None:
         """Ten other streams."""
-        self.session.param.update(game=(self.session.game + 1) % (GAME_MAX + 1), round=1, answers="")
+        self.session.advance("game", round=1, answers="")
 
     def taken_for(self, number: int) -> int | None:
         """What the classifier says to a round; None while it is being trained."""
@@ -256,7 +256,7 @@ class QuizLesson:
             ui.controls(
                 ui.ensemble_picker(self.page),
                 ui.toggle(self.page, "difficulty", "Difficulty: shot noise", _difficulties()),
-                ui.int_slider(self.page, "average", "Average over bins", 1, AVERAGE_MAX),
+                ui.int_slider(self.page, "average", "Average over bins"),
                 ui.button("Ten others", self.new_game, css_classes=["sd-new-game"], margin=(4, 10)),
             ),
             ui.controls(*self.buttons, self.next_button),
@@ -322,7 +322,7 @@ class QuizLesson:
 
 
 def _difficulties() -> dict[str, str]:
-    return {f"{words} {QUIZ_NOISE[key]:g}": key for words, key in DIFFICULTIES.items()}
+    return {f"{words} {QUIZ_NOISE[key]:g}": key for key, words in DIFFICULTIES.items()}
 
 
 def score_table(

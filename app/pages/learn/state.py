@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import param
 
-from app.session.fields import Field, integer, number, option
+from app.session.catalog import CLASSES_MAX
+from app.session.fields import Decimal, Listed, OneOf, Text, Whole
 from streamdash.classifier.quiz import ROUNDS
 from streamdash.config import ConfigError
 from streamdash.engine.flyby import FRAMES, Flyby
 
-LESSONS = {"The story": "story", "One fly-by": "flyby", "Guess the mass": "quiz"}
+LESSONS = {"story": "The story", "flyby": "One fly-by", "quiz": "Guess the mass"}
 STEPS = 6
 FLYBYS_MAX = 12
-CROWD_MAX = 100
-GAME_MAX = 9999
-AVERAGE_MAX = 63
-DIFFICULTIES = {"Easy": "easy", "Medium": "medium", "Hard": "hard", "Very hard": "extreme"}
+DIFFICULTIES = {"easy": "Easy", "medium": "Medium", "hard": "Hard", "extreme": "Very hard"}
 QUIZ_NOISE = {"easy": 0.1, "medium": 0.3, "hard": 0.6, "extreme": 1.0}
 """Shot noise σ_ε per 0.2° bin of each difficulty."""
 
@@ -49,79 +48,53 @@ def hand_field(name: str) -> Any:
     return limits.get("ge", 0.1), limits["le"], info.default
 
 
-def _flybys() -> Field:
-    """Several fly-bys: eight numbers each, joined by commas; fly-bys joined by ``~``."""
-
-    def read(text: str) -> list[tuple[float, ...]]:
-        flybys = []
-        for rank, item in enumerate(text.split("~")[: FLYBYS_MAX + 1], 1):
-            try:
-                words = zip(item.split(","), DIGITS.values(), strict=True)
-                values = tuple(round(float(word), digits) + 0.0 for word, digits in words)
-                Flyby(**dict(zip(HAND.values(), values, strict=True)))
-            except ConfigError as error:
-                raise ValueError(
-                    f"has a fly-by (number {rank}) that cannot be: {str(error).rstrip('.')}"
-                ) from None
-            except ValueError:
-                raise ValueError(
-                    f"must list {len(HAND)} numbers per fly-by, as in 8,1,0.5,200,90,0,4,0.5"
-                ) from None
-            flybys.append(values)
-        if len(flybys) > FLYBYS_MAX:
-            raise ValueError(f"must list at most {FLYBYS_MAX} fly-bys")
-        return flybys
-
-    def write(flybys: list[tuple[float, ...]]) -> str:
-        digits = DIGITS.values()
-        return "~".join(
-            ",".join(f"{round(value, n):g}" for value, n in zip(flyby, digits, strict=True))
-            for flyby in flybys
-        )
-
-    return Field(read, write)
+def read_flybys(text: str) -> list[tuple[float, ...]]:
+    """Several fly-bys out of a link: eight numbers each, joined by commas; fly-bys joined by ``~``."""
+    flybys = []
+    for rank, item in enumerate(text.split("~")[: FLYBYS_MAX + 1], 1):
+        try:
+            words = zip(item.split(","), DIGITS.values(), strict=True)
+            values = tuple(round(float(word), digits) + 0.0 for word, digits in words)
+            Flyby(**dict(zip(HAND.values(), values, strict=True)))
+        except ConfigError as error:
+            raise ValueError(
+                f"has a fly-by (number {rank}) that cannot be: {str(error).rstrip('.')}"
+            ) from None
+        except ValueError:
+            raise ValueError(
+                f"must list {len(HAND)} numbers per fly-by, as in 8,1,0.5,200,90,0,4,0.5"
+            ) from None
+        flybys.append(values)
+    if len(flybys) > FLYBYS_MAX:
+        raise ValueError(f"must list at most {FLYBYS_MAX} fly-bys")
+    return flybys
 
 
-def _answers() -> Field:
+def write_flybys(flybys: Sequence[tuple[float, ...]]) -> str:
+    """Inverse of `read_flybys`."""
+    digits = DIGITS.values()
+    return "~".join(
+        ",".join(f"{round(value, n):g}" for value, n in zip(flyby, digits, strict=True)) for flyby in flybys
+    )
+
+
+def check_answers(text: str) -> str:
     """Guesses of one game: four hexadecimal digits that name the game, a dash, one digit a round."""
-
-    def read(text: str) -> str:
-        if not re.fullmatch(rf"[0-9a-f]{{4}}-[0-3]{{1,{ROUNDS}}}", text):
-            raise ValueError("must be what this page wrote, such as 1a2b-0110")
-        return text
-
-    return Field(read, str)
+    if not re.fullmatch(rf"[0-9a-f]{{4}}-[0-{CLASSES_MAX - 1}]{{1,{ROUNDS}}}", text):
+        raise ValueError("must be what this page wrote, such as 1a2b-0110")
+    return text
 
 
-FIELDS: dict[str, Field] = {
-    "lesson": option(*LESSONS.values()),
-    "step": integer(1, STEPS),
-    **{name: number(hand_field(name)[0], hand_field(name)[1], DIGITS[name]) for name in HAND},
-    "flybys": _flybys(),
-    "crowd": integer(0, CROWD_MAX),
-    "crowd_of": integer(0, 3),
-    "crowd_seed": integer(0, GAME_MAX),
-    "frame": integer(0, FRAMES - 1),
-    "difficulty": option(*DIFFICULTIES.values()),
-    "game": integer(0, GAME_MAX),
-    "round": integer(1, ROUNDS),
-    "answers": _answers(),
-    "average": integer(1, AVERAGE_MAX),
-}
-
-
-def _hand(name: str, doc: str) -> param.Number:
+def _hand(name: str, doc: str) -> Decimal:
     low, high, default = hand_field(name)
-    return param.Number(default, bounds=(low, high), doc=doc)
+    return Decimal(default, (low, high), digits=DIGITS[name], doc=doc)
 
 
 class LearnState(param.Parameterized):
     """Choices of the Learn page."""
 
-    lesson: Any = param.Selector(
-        default="story", objects=list(LESSONS.values()), doc="part of the page shown"
-    )
-    step = param.Integer(1, bounds=(1, STEPS), doc="step of the story")
+    lesson = OneOf("story", LESSONS, doc="part of the page shown")
+    step = Whole(1, (1, STEPS), doc="step of the story")
     mass10 = _hand("mass10", "log₁₀ of the mass of the fly-by in hand, M☉")
     size = _hand("size", "its scale radius relative to the usual one of that mass")
     b = _hand("b", "its impact parameter in scale radii")
@@ -130,20 +103,22 @@ class LearnState(param.Parameterized):
     azimuth = _hand("azimuth", "side it comes from, degrees")
     when = _hand("when", "time before today, Gyr")
     where = _hand("where", "fraction of the stream's length then")
-    flybys = param.List([], item_type=tuple, doc="fly-bys added before, values in the order of `HAND`")
-    crowd = param.Integer(0, bounds=(0, CROWD_MAX), doc="random fly-bys on top")
-    crowd_of = param.Integer(1, bounds=(0, 3), doc="model whose masses the random fly-bys have")
-    crowd_seed = param.Integer(0, bounds=(0, GAME_MAX), doc="seed of the random fly-bys")
-    frame = param.Integer(
-        FRAMES - 1, bounds=(0, FRAMES - 1), doc="frame of the film shown; the last is today"
+    flybys = Listed(
+        tuple,
+        FLYBYS_MAX,
+        read_flybys,
+        write_flybys,
+        doc="fly-bys added before, values in the order of `HAND`",
     )
-    difficulty: Any = param.Selector(
-        default="easy", objects=list(DIFFICULTIES.values()), doc="difficulty of the quiz: its noise"
-    )
-    game = param.Integer(0, bounds=(0, GAME_MAX), doc="seed of the quiz: the same ten streams for everybody")
-    round = param.Integer(1, bounds=(1, ROUNDS), doc="round of the quiz shown")
-    answers = param.String("", doc="guesses of this game so far, see `FIELDS`")
-    average = param.Integer(1, bounds=(1, AVERAGE_MAX), doc="bins averaged over in the quiz's figure")
+    crowd = Whole(0, (0, 100), doc="random fly-bys on top")
+    crowd_of = Whole(1, (0, CLASSES_MAX - 1), doc="model whose masses the random fly-bys have")
+    crowd_seed = Whole(0, (0, 9999), doc="seed of the random fly-bys")
+    frame = Whole(FRAMES - 1, (0, FRAMES - 1), doc="frame of the film shown; the last is today")
+    difficulty = OneOf("easy", DIFFICULTIES, doc="difficulty of the quiz: its noise")
+    game = Whole(0, (0, 9999), doc="seed of the quiz: the same ten streams for everybody")
+    round = Whole(1, (1, ROUNDS), doc="round of the quiz shown")
+    answers = Text("", check_answers, doc="guesses of this game so far")
+    average = Whole(1, (1, 63), doc="bins averaged over in the quiz's figure")
 
     @property
     def hand(self) -> tuple[float, ...]:

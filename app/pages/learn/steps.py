@@ -19,7 +19,6 @@ from app.pages.learn.text import (
 )
 from app.services.comparison import configs, shared_comparison
 from app.session.catalog import Choice
-from app.session.session import SEED_MAX
 from streamdash import streams
 from streamdash.engine.flyby import kick_along_stream
 from streamdash.engine.galpy_streams import time_unit_gyr
@@ -193,7 +192,7 @@ class ManyStep(Step):
         ]
 
     def _draw_others(self) -> None:
-        self.session.seed = (self.session.seed + 1) % (SEED_MAX + 1)
+        self.session.advance("seed")
 
 
 class NoiseStep(ManyStep):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import param
 
-from app.session.fields import Field, option
+from app.session.fields import OneOf
 from streamdash.observe.guess import KINDS
 from streamdash.survey.design import AS_IS, ORDER_MAX
 
@@ -15,12 +15,6 @@ AUTO = "auto"
 ORDERS = tuple(str(order) for order in range(AS_IS, ORDER_MAX + 1))
 COORDINATES = ("phi1", "ell")
 
-FIELDS: dict[str, Field] = {
-    "example": option("no", "yes"),
-    "profile_kind": option(AUTO, *KINDS),
-    "profile_order": option(AUTO, *ORDERS),
-    "profile_coordinate": option(AUTO, *COORDINATES),
-}
 LINKED = {"kind": "profile_kind", "order": "profile_order", "coordinate": "profile_coordinate"}
 """Assumptions that stand in links, and the session parameters that hold them."""
 
@@ -36,11 +30,9 @@ class Upload:
 class ObserveState(param.Parameterized):
     """Choices of the Observe page, to be inherited by `app.session.session.Session`."""
 
-    example = param.Selector(default="no", objects=["no", "yes"], doc="whether the example is looked at")
-    profile_kind = param.Selector(default=AUTO, objects=[AUTO, *KINDS], doc="what was measured")
-    profile_order = param.Selector(default=AUTO, objects=[AUTO, *ORDERS], doc="polynomial divided out")
-    profile_coordinate = param.Selector(
-        default=AUTO, objects=[AUTO, *COORDINATES], doc="coordinate of the bins"
-    )
+    example = OneOf("no", ("no", "yes"), doc="whether the example is looked at")
+    profile_kind = OneOf(AUTO, (AUTO, *KINDS), doc="what was measured")
+    profile_order = OneOf(AUTO, (AUTO, *ORDERS), doc="polynomial divided out")
+    profile_coordinate = OneOf(AUTO, (AUTO, *COORDINATES), doc="coordinate of the bins")
     upload = param.ClassSelector(class_=Upload, default=None, doc="the file that was chosen; in no link")
     columns = param.Dict(default={}, doc="assumptions about its columns that were changed; in no link")

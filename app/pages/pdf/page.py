@@ -10,7 +10,7 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
-from app.services.comparison import N_BIN_SHOWN, code_head, configs, set_range, shared_comparison
+from app.services.comparison import code_head, configs, set_range, shared_comparison
 from streamdash.plots import pdf
 from streamdash.plots.live import LiveFigure, export
 from streamdash.statistics.evidence import Comparison
@@ -116,7 +116,7 @@ class PdfPage(Page):
             ui.stream_picker(self),
             ui.ensemble_picker(self),
             ui.noise_slider(self),
-            ui.int_slider(self, "n_bin", "Bins of Qρ, N_bin", *N_BIN_SHOWN),
+            ui.int_slider(self, "n_bin", "Bins of Qρ, N_bin"),
             self.slider,
         )
 

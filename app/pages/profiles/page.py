@@ -11,10 +11,8 @@ from app import ui
 from app.page import Page
 from app.services.services import Unavailable
 from app.session.catalog import Choice
-from app.session.session import HIGHLIGHTS_MAX, QUANTITIES, SEED_MAX
 from streamdash.plots import profiles
 from streamdash.plots.live import LiveFigure, export
-from streamdash.plots.style import COORDINATE_LABELS
 from streamdash.store.cache import StoreError
 from streamdash.survey import bands
 
@@ -98,20 +96,18 @@ class ProfilesPage(Page):
 
     def draw_others(self) -> None:
         """Highlight other random streams."""
-        self.session.seed = (self.session.seed + 1) % (SEED_MAX + 1)
+        self.session.advance("seed")
 
     # ------------------------------------------------------------ inside
 
     def _controls(self) -> Viewable:
-        axes = {label: name for name, label in COORDINATE_LABELS.items()}
-        quantities = {label: name for name, label in QUANTITIES.items()}
         return ui.controls(
             ui.stream_picker(self),
             ui.ensemble_picker(self),
             ui.noise_slider(self),
-            ui.toggle(self, "y", "Quantity", quantities),
-            ui.toggle(self, "x", "Along the stream", axes),
-            ui.int_slider(self, "highlight", "Highlighted streams", 0, HIGHLIGHTS_MAX, width=180),
+            ui.toggle(self, "y", "Quantity"),
+            ui.toggle(self, "x", "Along the stream"),
+            ui.int_slider(self, "highlight", "Highlighted streams", width=180),
             ui.button("Draw others", self.draw_others, css_classes=["sd-draw-others"]),
         )
 

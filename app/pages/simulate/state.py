@@ -7,20 +7,18 @@ from functools import partial
 import param
 
 from app.pages.simulate.knobs import KNOBS, check
-from app.session.fields import Field
+from app.session.fields import Text
 from streamdash.store.titles import check_title
 
 
 class SimulateState(param.Parameterized):
-    """Parameters ``sim_…`` of a session: one text per knob (`KNOBS`), and ``sim_title``."""
+    """Fields ``sim_…`` of a session: one text per knob (`KNOBS`), and ``sim_title``."""
 
-    sim_title = param.String("", doc="name that somebody gives to the ensemble; untrusted text")
+    sim_title: str
 
 
 for _knob in KNOBS:
-    SimulateState.param.add_parameter(_knob.name, param.String(_knob.default, doc=_knob.help))
-
-FIELDS = {
-    **{knob.name: Field(partial(check, knob), str) for knob in KNOBS},
-    "sim_title": Field(check_title, str),
-}
+    SimulateState.param.add_parameter(_knob.name, Text(_knob.default, partial(check, _knob), doc=_knob.help))
+SimulateState.param.add_parameter(
+    "sim_title", Text("", check_title, doc="name that somebody gives to the ensemble; untrusted text")
+)
