@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,8 +20,10 @@ from pydantic import Field
 from threadpoolctl import threadpool_limits
 
 from streamdash.config import ENGINE_VERSION, Config, StreamModel
+from streamdash.inference.calibration import calibrated, curve_of
+from streamdash.inference.diagnostics import marginals, ranks
 from streamdash.inference.network import Network, train
-from streamdash.inference.nonsense import alternatives
+from streamdash.inference.nonsense import Critic, alternatives
 from streamdash.inference.posterior import Posterior, make_grid
 from streamdash.inference.prior_ensemble import PriorEnsemble, observed
 from streamdash.prior import Prior
@@ -38,7 +40,6 @@ COPIES = 8
 """Draws of the noise of every training stream."""
 STRANGE = 0.99
 """A profile is strange if it looks less like a perturbed stream than this share of them does."""
-CRITIC_EPOCHS = 12
 POWERS = np.round(np.arange(0.7, 1.51, 0.02), 2)
 
 Progress = Callable[[int, int], None]
@@ -86,12 +87,12 @@ class Estimator:
     features : FeatureMap
     center, scale : ndarray (n_feature,)
         Mean and standard deviation of the features.
-    critic : Network
-        Tells streams from what no perturber makes (`streamdash.inference.nonsense`).
-    odds : ndarray, increasing
-        Its log odds against validation streams.
+    critic : Critic
+        Tells streams from what no perturber makes.
     factors : for each parameter, the members' networks
     powers : for each parameter, the power that makes their mean as sharp as validation streams want it
+    curves : for each parameter, what makes its marginal calibrated on them
+        (`streamdash.inference.calibration`)
     card : mapping
         How it was trained, on what, and how well it does on streams it has not seen.
     """
@@ -103,10 +104,10 @@ class Estimator:
     features: FeatureMap
     center: np.ndarray
     scale: np.ndarray
-    critic: Network
-    odds: np.ndarray
+    critic: Critic
     factors: tuple[tuple[Network, ...], ...]
     powers: tuple[float, ...]
+    curves: tuple[np.ndarray, ...]
     card: Mapping[str, object]
 
     @classmethod
@@ -131,19 +132,11 @@ class Estimator:
         training = training or Training()
         grid = grid_of(ensemble.prior)
         truth = ensemble.parameters()
-        with threadpool_limits(1):  # the matrices are small: more threads wait for each other
-            return cls.learn(
-                ensemble.prior,
-                ensemble.stream,
-                design,
-                grid,
-                ensemble.clean(design),
-                truth,
-                training,
-                progress,
-            )
+        clean = ensemble.clean(design)
+        return cls.learn(ensemble.prior, ensemble.stream, design, grid, clean, truth, training, progress)
 
     @classmethod
+    @threadpool_limits.wrap(limits=1)  # the matrices are small: more threads wait for each other
     def learn(
         cls,
         prior: Prior,
@@ -177,15 +170,7 @@ class Estimator:
         held = scaled(observed(clean[split.validation], design, prior, rng))
         wrong = [scaled(alternatives(clean[split.train], design, prior, rng)) for _ in range(2)]
         wrong_held = scaled(alternatives(clean[split.validation], design, prior, rng))
-        critic, _ = train(
-            lambda number: _stacked(copies[number % len(copies)], wrong[number % len(wrong)]),
-            _stacked(held, wrong_held),
-            n_cells=2,
-            seed=training.seed,
-            max_epochs=CRITIC_EPOCHS,
-            alpha=training.alpha,
-        )
-        odds = np.sort(_log_odds(critic, held)).astype(np.float32)
+        critic = Critic.learn(copies, wrong, held, wrong_held, training.seed, training.alpha)
 
         def blurred(name: str) -> np.ndarray:
             # Streams near each other in a parameter hardly differ: their cells are learnt together.
@@ -237,9 +222,9 @@ class Estimator:
             center,
             scale,
             critic,
-            odds,
             tuple(factors),
             tuple(powers),
+            _curves(grid, factors, powers, held, {n: values[n][split.validation] for n in grid}),
             card,
         )
 
@@ -250,6 +235,8 @@ class Estimator:
 
     def posterior(self, q: np.ndarray) -> np.ndarray:
         """Posterior probability of every cell, (n, *cells); each stream's sum to 1.
+
+        Of what is not like the prior's streams (`strangeness` above `STRANGE`) it is the prior.
 
         Parameters
         ----------
@@ -262,17 +249,9 @@ class Estimator:
             When the profiles have other bins than the design, or a value is not finite.
         """
         x = self._inputs(q)
-        n_cells = [len(edges) - 1 for edges in self.grid.values()]
-        p = np.ones((len(x), 1))
-        for j, members in enumerate(self.factors):
-            extra = _all_conditions(self.grid, self.names[:j]) if j else None
-            rows = max(1, 200_000 // (1 if extra is None else len(extra)) // 10)
-            factor = np.concatenate(
-                [_mean_of(members, self.powers[j], x[i : i + rows], extra) for i in range(0, len(x), rows)]
-            )
-            p = (p[:, :, None] * factor.reshape(len(x), p.shape[1], n_cells[j])).reshape(len(x), -1)
-        p /= p.sum(axis=1, keepdims=True)
-        return p.reshape(len(x), *n_cells)
+        p = calibrated(_joint(self.grid, self.factors, self.powers, x), self.curves)
+        p[self.critic.strangeness(x) > STRANGE] = _uniform(self.grid)
+        return p
 
     def posteriors(self, q: np.ndarray) -> list[Posterior]:
         """The same as a `Posterior` for each profile."""
@@ -281,11 +260,11 @@ class Estimator:
     def strangeness(self, q: np.ndarray) -> np.ndarray:
         """Share of simulated streams (n,) that look more like perturbed streams than each profile does.
 
-        Above `STRANGE`, the profile is not like the prior's streams and its posterior means nothing. What
-        has no structure beyond its errors is not strange: a stream that was not hit looks so.
+        Above `STRANGE`, the profile is not like the prior's streams: they say nothing about it, and its
+        posterior is the prior. What has no structure beyond its errors is not strange: a stream that was
+        not hit looks so.
         """
-        odds = _log_odds(self.critic, self._inputs(q))
-        return np.searchsorted(self.odds, odds) / (len(self.odds) + 1)
+        return self.critic.strangeness(self._inputs(q))
 
     def simulate(self, n: int, seed: int, cache: Cache | None = None) -> tuple[pd.DataFrame, np.ndarray]:
         """Fresh streams of the prior, observed with the design.
@@ -335,15 +314,6 @@ def cell_of(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
 
 
-def _stacked(streams: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.vstack([streams, others]), np.repeat([0, 1], [len(streams), len(others)])
-
-
-def _log_odds(critic: Network, x: np.ndarray) -> np.ndarray:
-    logs = critic.log_probabilities(x)
-    return logs[:, 1] - logs[:, 0]
-
-
 def _reflected(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
     values = np.where(values > edges[-1], 2 * edges[-1] - values, values)
     return np.where(values < edges[0], 2 * edges[0] - values, values)
@@ -368,6 +338,44 @@ def _all_conditions(grid: Mapping[str, np.ndarray], names: tuple[str, ...]) -> n
 
 def _unit(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return 2 * (values - edges[0]) / (edges[-1] - edges[0]) - 1
+
+
+def _joint(
+    grid: Mapping[str, np.ndarray],
+    factors: Sequence[tuple[Network, ...]],
+    powers: Sequence[float],
+    x: np.ndarray,
+) -> np.ndarray:
+    """The product of all factors, (n, *cells), for scaled features."""
+    names, n_cells = tuple(grid), [len(edges) - 1 for edges in grid.values()]
+    p = np.ones((len(x), 1))
+    for j, members in enumerate(factors):
+        extra = _all_conditions(grid, names[:j]) if j else None
+        rows = max(1, 200_000 // (1 if extra is None else len(extra)) // 10)
+        factor = np.concatenate(
+            [_mean_of(members, powers[j], x[i : i + rows], extra) for i in range(0, len(x), rows)]
+        )
+        p = (p[:, :, None] * factor.reshape(len(x), p.shape[1], n_cells[j])).reshape(len(x), -1)
+    p /= p.sum(axis=1, keepdims=True)
+    return p.reshape(len(x), *n_cells)
+
+
+def _curves(
+    grid: Mapping[str, np.ndarray],
+    factors: Sequence[tuple[Network, ...]],
+    powers: Sequence[float],
+    x: np.ndarray,
+    truth: Mapping[str, np.ndarray],
+) -> tuple[np.ndarray, ...]:
+    """For each parameter, the curve that calibrates its marginal on streams of known parameters."""
+    p = _joint(grid, factors, powers, x)
+    return tuple(curve_of(ranks(marginals(p, grid, n), np.asarray(grid[n]), truth[n])) for n in grid)
+
+
+def _uniform(grid: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Prior probability of every cell (*cells)."""
+    shape = tuple(len(edges) - 1 for edges in grid.values())
+    return Posterior(grid, np.ones(shape)).prior
 
 
 def _mean_of(

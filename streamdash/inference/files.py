@@ -14,8 +14,10 @@ import platformdirs
 
 from streamdash import paths
 from streamdash.config import ConfigError, StreamModel
+from streamdash.inference.calibration import NODES
 from streamdash.inference.estimator import Estimator
 from streamdash.inference.network import Network
+from streamdash.inference.nonsense import Critic
 from streamdash.prior import PRIORS, Prior
 from streamdash.statistics.features import FeatureMap, FeatureSet
 from streamdash.store.entry import write_file
@@ -48,12 +50,16 @@ def save(estimator: Estimator, path: Path) -> None:
         "variance": features.variance,
         "center": estimator.center,
         "scale": estimator.scale,
-        "odds": estimator.odds,
+        "odds": estimator.critic.odds,
+        "middle": estimator.critic.middle,
+        "whitening": estimator.critic.whitening.astype(np.float16),
+        "distances": estimator.critic.distances,
         "powers": np.array(estimator.powers),
     }
     arrays |= {f"grid_{name}": edges for name, edges in estimator.grid.items()}
+    arrays |= {f"curve_{name}": curve for name, curve in zip(estimator.grid, estimator.curves, strict=True)}
     networks = {f"{j}_{m}": net for j, nets in enumerate(estimator.factors) for m, net in enumerate(nets)}
-    for name, network in {"critic": estimator.critic, **networks}.items():
+    for name, network in {"critic": estimator.critic.network, **networks}.items():
         for layer, (w, b) in enumerate(zip(network.weights, network.biases, strict=True)):
             arrays[f"w_{name}_{layer}"], arrays[f"b_{name}_{layer}"] = w, b
     card = {
@@ -121,11 +127,23 @@ def _read(arrays: dict[str, np.ndarray], card: dict[str, Any]) -> Estimator:
         features,
         arrays["center"],
         arrays["scale"],
-        _network(arrays, "critic"),
-        arrays["odds"],
+        _critic(arrays),
         factors,
         tuple(float(power) for power in arrays["powers"]),
+        tuple(arrays.get(f"curve_{name}", NODES) for name in card["grid"]),
         card["card"],
+    )
+
+
+def _critic(arrays: dict[str, np.ndarray]) -> Critic:
+    network = _network(arrays, "critic")
+    n_input = len(network.weights[0])
+    return Critic(
+        network,
+        arrays["odds"],
+        arrays.get("middle", np.zeros(n_input, np.float32)),
+        arrays.get("whitening", np.zeros((n_input, 0))).astype(np.float32),
+        arrays.get("distances", np.zeros(0, np.float32)),
     )
 
 

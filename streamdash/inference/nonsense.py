@@ -1,22 +1,112 @@
 """Profiles that no perturbed stream has: what an estimator must not answer as if they were one.
 
-Alternatives to true streams, observed with the same bins and errors: streams back to front, streams with
-the phases of their Fourier components scrambled, white noise larger than the errors, and sine waves.
+Two looks at a profile's features, each blind to what the other sees:
+
+`odds`
+    A network learns to tell streams from alternatives made for it, observed with the same bins and errors:
+    streams back to front, streams with the phases of their Fourier components scrambled, white noise larger
+    than the errors, and sine waves.
+
+`distance`
+    How far the features lie from the middle of all streams', in units of their scatter (Mahalanobis). It
+    needs no example of what is strange.
+
+Each is ranked among streams that were held back, and the two are joined: a share p of true streams is said
+to be as strange as p or stranger, whatever is looked at.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from streamdash.inference.network import Network, train
 from streamdash.inference.prior_ensemble import observed
 from streamdash.prior import Prior
 from streamdash.survey.design import Design
 
-WAVES = (4.0, 80.0)
-"""Shortest and longest sine wave in bins; at most the profile."""
-AMPLITUDES = (0.1, 1.0)
+SHORTEST = 4.0
+"""Shortest sine wave in bins; the longest is as long as the profile."""
+AMPLITUDES = (0.05, 1.0)
 EXCESS_NOISE = (1.3, 5.0)
 """White noise in units of the stated errors."""
+EPOCHS = 25
+RIDGE = 0.02
+"""Added to the variance of every combination of features, so that none that hardly varies decides alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Critic:
+    """Says how unlike streams a profile is.
+
+    Attributes
+    ----------
+    network : Network
+        Tells features of streams (0) from features of alternatives (1).
+    odds : ndarray, increasing
+        Its log odds of an alternative, for streams that were held back.
+    middle : ndarray (n_input,)
+    whitening : ndarray (n_input, n_input)
+        Takes features off the middle to numbers of unit scatter.
+    distances : ndarray, increasing
+        Squared distances of the streams that were held back.
+    """
+
+    network: Network
+    odds: np.ndarray
+    middle: np.ndarray
+    whitening: np.ndarray
+    distances: np.ndarray
+
+    @classmethod
+    def learn(
+        cls,
+        streams: list[np.ndarray],
+        wrong: list[np.ndarray],
+        held: np.ndarray,
+        wrong_held: np.ndarray,
+        seed: int,
+        alpha: float,
+    ) -> Critic:
+        """From scaled features (n, n_input).
+
+        Parameters
+        ----------
+        streams, wrong : of streams and of alternatives, with noise of its own in each copy.
+        held, wrong_held : the same of streams that are held back.
+        """
+        network, _ = train(
+            lambda number: _stacked(streams[number % len(streams)], wrong[number % len(wrong)]),
+            _stacked(held, wrong_held),
+            n_cells=2,
+            seed=seed,
+            max_epochs=EPOCHS,
+            alpha=alpha,
+        )
+        middle = streams[0].mean(axis=0)
+        values, vectors = np.linalg.eigh(np.cov(streams[0].astype(float), rowvar=False))
+        whitening = (vectors / np.sqrt(np.maximum(values, 0) + RIDGE)).astype(np.float32)
+        empty = np.zeros(0, np.float32)
+        first = cls(network, empty, middle, whitening, empty)
+        return cls(network, np.sort(first.log_odds(held)), middle, whitening, np.sort(first.distance(held)))
+
+    def log_odds(self, x: np.ndarray) -> np.ndarray:
+        """Log odds of an alternative (n,)."""
+        logs = self.network.log_probabilities(x)
+        return np.asarray(logs[:, 1] - logs[:, 0], np.float32)
+
+    def distance(self, x: np.ndarray) -> np.ndarray:
+        """Squared distance from the middle of all streams (n,)."""
+        return np.asarray((((x - self.middle) @ self.whitening) ** 2).sum(axis=1), np.float32)
+
+    def strangeness(self, x: np.ndarray) -> np.ndarray:
+        """Share of streams (n,) that are less strange than each profile, by the look that finds it stranger.
+
+        As there are two looks, the shares of streams beyond it count twice.
+        """
+        beyond = np.minimum(_beyond(self.odds, self.log_odds(x)), _beyond(self.distances, self.distance(x)))
+        return np.maximum(1 - 2 * beyond, 0)
 
 
 def alternatives(clean: np.ndarray, design: Design, prior: Prior, rng: np.random.Generator) -> np.ndarray:
@@ -44,7 +134,16 @@ def scrambled(clean: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def sines(n: int, n_bin: int, rng: np.random.Generator) -> np.ndarray:
     """Sine waves of any length, amplitude and phase around 1, (n, n_bin)."""
-    length = np.exp(rng.uniform(np.log(WAVES[0]), np.log(min(WAVES[1], n_bin)), (n, 1)))
+    length = np.exp(rng.uniform(np.log(SHORTEST), np.log(max(n_bin, SHORTEST)), (n, 1)))
     amplitude = np.exp(rng.uniform(np.log(AMPLITUDES[0]), np.log(AMPLITUDES[1]), (n, 1)))
     phase = rng.uniform(0, 2 * np.pi, (n, 1))
     return 1 + amplitude * np.sin(2 * np.pi * np.arange(n_bin) / length + phase)
+
+
+def _beyond(known: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Share of known values that are as high or higher."""
+    return (len(known) - np.searchsorted(known, values) + 1) / (len(known) + 1)
+
+
+def _stacked(streams: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.vstack([streams, others]), np.repeat([0, 1], [len(streams), len(others)])
