@@ -1,0 +1,127 @@
+"""Classes whose abundance is not known: the same mass ranges, hit 0.1 to 10 times as often as simulated.
+
+Ten times the light objects may look like a tenth of the heavy ones. A classifier that learnt from one rate a
+class is sure of itself where one that learnt from all of them is not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from streamdash.classifier.model import BEST, ClassifierConfig
+from streamdash.classifier.train import Judged, Progress, ShouldStop, train
+from streamdash.config import EnsembleConfig
+from streamdash.prior import Prior
+from streamdash.store.cache import Cache
+from streamdash.survey.design import Design
+from streamdash.survey.observed import ObservedStreams
+
+LOG10_RATE = (-1.0, 1.0)
+"""Abundance relative to cold dark matter's, uniform in its logarithm."""
+WORDS = "anywhere from 0.1 to 10 times that of cold dark matter"
+
+
+@dataclass(frozen=True, eq=False)
+class FreeAbundance:
+    """A classifier of the same ranges whose abundance is free, beside one of a fixed abundance.
+
+    Attributes
+    ----------
+    judged : Judged
+        Learnt from streams of free abundance, and judged on others of them.
+    fixed_accuracy : float
+        Share of the same held-out streams that the classifier of the fixed abundance puts right.
+    fixed_confidence : float
+        Mean probability that it gives to its answers there.
+    """
+
+    judged: Judged
+    fixed_accuracy: float
+    fixed_confidence: float
+
+    @property
+    def accuracy(self) -> tuple[float, float]:
+        """Share of held-out streams of free abundance put right, and its error."""
+        scores = self.judged.scores
+        return float(scores.values["overall_accuracy"]), float(scores.errors["overall_accuracy"])
+
+    @property
+    def sentence(self) -> str:
+        """How probabilities change where the abundance is not known."""
+        right, said = self.accuracy[0], float(self.judged.probability.max(axis=1).mean())
+        return (
+            f"Where the abundance is {WORDS}, a classifier that learnt one abundance a class puts "
+            f"{self.fixed_accuracy:.0%} of streams right and gives its answers a mean probability of "
+            f"{self.fixed_confidence:.2f}; one that learnt all of them puts {right:.0%} right and says "
+            f"{said:.2f}."
+        )
+
+
+def free_prior(config: EnsembleConfig) -> Prior | None:
+    """What a class stands for if its abundance is not known; None where it is no range of CDM's shape."""
+    if config.prior is not None or len(config.population.components) != 1:
+        return None
+    (one,) = config.population.components
+    if not one.rate_factor > 0:
+        return None
+    prior = Prior(mass_range=one.mass_range, X=one.X, log10_rate=LOG10_RATE)
+    alike = prior.population({"log10_rate": math.log10(one.rate_factor)})
+    (same,) = alike.components
+    return prior if same.model_copy(update={"rate_factor": one.rate_factor}) == one else None
+
+
+def free_ensembles(cache: Cache, classes: Sequence[EnsembleConfig]) -> tuple[EnsembleConfig, ...]:
+    """Complete ensembles of the same streams and ranges with free abundance; none if one is missing."""
+    priors = [free_prior(config) for config in classes]
+    there = [
+        entry.config
+        for entry in cache.entries(("ensembles",))
+        if entry.state == "complete" and entry.config.prior is not None
+    ]
+    found = []
+    for config, prior in zip(classes, priors, strict=True):
+        fits = [c for c in there if prior is not None and c.prior == prior and c.stream == config.stream]
+        if not fits:
+            return ()
+        found.append(max(fits, key=lambda c: c.n_streams))
+    differ = len({c.key for c in found}) == len(found)  # ranges that differ in their rate alone are one here
+    return tuple(found) if differ else ()
+
+
+def learn_free(
+    cache: Cache,
+    classes: Sequence[EnsembleConfig],
+    fixed: Judged,
+    design: Design | None = None,
+    noise: float | np.ndarray | None = None,
+    settings: ClassifierConfig = BEST,
+    progress: Progress | None = None,
+    should_stop: ShouldStop | None = None,
+) -> FreeAbundance | None:
+    """Learn the classes with their abundance free; None where their streams are not in the cache.
+
+    Parameters
+    ----------
+    classes : what `fixed` was trained on, in its order.
+    fixed : the classifier of the fixed abundance, for the same bins.
+    design, noise : how streams are observed.
+
+    Raises
+    ------
+    Cancelled
+        When ``should_stop`` said so.
+    """
+    ensembles = free_ensembles(cache, classes)
+    if not ensembles:
+        return None
+    streams = ObservedStreams.read(cache, ensembles, design)
+    sigma = streams.design.sigma if noise is None else noise
+    judged = train(streams, sigma, settings, progress, should_stop)
+    said = fixed.classifier.predict_proba(streams.observed(sigma)[judged.rows])
+    return FreeAbundance(
+        judged, float(np.mean(said.argmax(axis=1) == judged.y)), float(said.max(axis=1).mean())
+    )
