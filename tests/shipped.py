@@ -7,5 +7,5 @@ from streamdash.store.cache import Entry
 
 
 def of_default_stream(entry: Entry) -> bool:
-    """Whether an entry is an ensemble of the paper's stream."""
-    return entry.kind == "ensemble" and entry.config.stream == StreamModel()
+    """Whether an entry is an ensemble of the paper's stream and of one population."""
+    return entry.kind == "ensemble" and entry.config.stream == StreamModel() and entry.config.prior is None

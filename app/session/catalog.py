@@ -76,6 +76,8 @@ def read_catalog(entries: Iterable[Any]) -> Catalog:
     for entry in entries:
         if entry.state in ("damaged", "foreign"):
             problems.append(f"Cache entry {entry.label or entry.key} is {entry.state}: {entry.reason}")
+        elif entry.kind == "ensemble" and entry.config.prior is not None:
+            continue  # streams that differ in their population are no class: they are for inference
         elif entry.kind == "ensemble" and entry.state == "partial":
             unfinished.append(Choice(entry.key, entry.key, entry_label(entry), entry.config))
         elif entry.kind == "ensemble" and entry.state == "complete":

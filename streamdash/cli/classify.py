@@ -144,7 +144,7 @@ def _find(cache: Cache, label: str, stream: StreamModel) -> Any:
     """
     from streamdash.config import mass_label, parse_mass_range
 
-    complete = [e for e in cache.entries() if e.kind == "ensemble" and e.state == "complete"]
+    complete = [e for e in cache.entries(("ensembles",)) if e.state == "complete" and e.config.prior is None]
     try:
         wanted = mass_label(parse_mass_range(label))
     except ValueError:

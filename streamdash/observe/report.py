@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from streamdash.classifier.abundance import WORDS
 from streamdash.config import mass_label, parse_mass_range
 from streamdash.naming import label_text, mass_text
 from streamdash.observe.detection import DETECTED, smooth_p
@@ -39,8 +40,9 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
     dict
         ``verdict`` (one of `VERDICTS`), ``answer`` and ``agreement`` (text), ``detected`` and
         ``resembles`` (bool), ``warnings`` (sentences, none where nothing is doubtful), ``smooth_p``,
-        ``resemblance``, ``classes`` (each with ``mass_range``, ``probability``, ``low`` and ``high``),
-        ``quality``, ``assumptions``, ``caveats``, ``provenance`` and ``profile``.
+        ``abundance`` (probabilities if it is free, None where they are not known), ``resemblance``,
+        ``classes`` (each with ``mass_range``, ``probability``, ``low`` and ``high``), ``quality``,
+        ``assumptions``, ``caveats``, ``provenance`` and ``profile``.
     """
     scores, likeness, evidence = verdict.judged.scores, verdict.resemblance, verdict.evidence
     accuracy, accuracy_error = verdict.accuracy
@@ -66,6 +68,7 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
         "resembles": not likeness.unlike,
         "warnings": [],
         "smooth_p": p,
+        "abundance": _abundance(verdict, prepared),
         "agreement": "",
         "resemblance": {
             "verdict": "unlike" if likeness.unlike else "unusual" if likeness.doubtful else "alike",
@@ -108,8 +111,8 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
 def verdict_of(result: dict[str, Any]) -> str:
     """Which of `VERDICTS` it is.
 
-    Undecided is a probability of the best class below `DECIDED`, an interval that crosses one half, or
-    strong PDF evidence for another class.
+    Undecided is a probability of the best class below `DECIDED`, at the simulated abundance or with it free,
+    an interval that crosses one half, or strong PDF evidence for another class.
     """
     if not result["resembles"]:
         return UNLIKE_ANY
@@ -118,7 +121,7 @@ def verdict_of(result: dict[str, Any]) -> str:
     best = _best(result)
     clash = max(c["ln_bayes"] for c in result["classes"]) - best["ln_bayes"] > STRONG
     crosses = best["low"] < 0.5 < best["high"]
-    return UNDECIDED if best["probability"] < DECIDED or crosses or clash else DECIDED_FOR
+    return UNDECIDED if _honest(result) < DECIDED or crosses or clash else DECIDED_FOR
 
 
 def warnings(result: dict[str, Any]) -> list[str]:
@@ -136,7 +139,49 @@ def warnings(result: dict[str, Any]) -> list[str]:
         found.append("Observed again, the same stream might be put to another class.")
     if result["resembles"] and rival["ln_bayes"] - best["ln_bayes"] > STRONG:
         found.append(f"The distribution of Qρ alone is strong evidence for {name(rival)} instead.")
+    if result["resembles"] and _honest(result) < DECIDED <= best["probability"]:
+        found.append(f"The abundance decides. {abundance_words(result)}")
     return [*found, *_nested(result)]
+
+
+def _abundance(verdict: Verdict, prepared: Prepared) -> dict[str, Any] | None:
+    """What changes if the abundance of each class is not the simulated one."""
+    if verdict.free is None or prepared.free is None:
+        return None
+    return {
+        "words": WORDS,
+        "probability": [float(p) for p in verdict.free],
+        "accuracy": prepared.free.accuracy[0],
+        "fixed_accuracy": prepared.free.fixed_accuracy,
+    }
+
+
+def abundance_words(result: dict[str, Any]) -> str:
+    """The best class's probability if the abundance is free; what is left open where it is not known."""
+    free, best = result["abundance"], _best(result)
+    if free is None:
+        return (
+            "The probabilities hold at the abundance that was simulated; the cache has no streams of these "
+            "classes with other abundances."
+        )
+    return (
+        f"With an abundance {free['words']}, {name(best)} has a probability of {percent(_free(result))}, "
+        f"at the simulated one {percent(best['probability'])}. Of streams of any such abundance "
+        f"{percent(free['accuracy'])} are put right, and {percent(free['fixed_accuracy'])} if the simulated "
+        "one is taken for granted."
+    )
+
+
+def _free(result: dict[str, Any]) -> float:
+    """Probability of the best class with the abundance free; where that is unknown, at the simulated one."""
+    best = _best(result)
+    free = result.get("abundance")
+    return free["probability"][result["classes"].index(best)] if free else best["probability"]
+
+
+def _honest(result: dict[str, Any]) -> float:
+    """Probability of the best class by the less sure of the two."""
+    return min(_best(result)["probability"], _free(result))
 
 
 def _nested(result: dict[str, Any]) -> list[str]:
@@ -195,9 +240,19 @@ def _sentence(result: dict[str, Any]) -> str:
             f"{unusual}{p} does not decide between the classes: perturbers of {name(best)} have a "
             f"probability of {percent(best['probability'])}; {right}."
         )
+    free = result.get("abundance")
+    if free and _free(result) < DECIDED:
+        return (
+            f"{unusual}{p} looks more like a stream perturbed by {name(best)} than by {others} only if the "
+            f"abundance is the simulated one: probability {percent(best['probability'])} then, and "
+            f"{percent(_free(result))} with an abundance {free['words']}; {right}."
+        )
+    sure = f"{percent(best['probability'])} ({interval(best)})"
+    if free:
+        sure = f"{percent(_free(result))} with an abundance {free['words']}, {sure} at the simulated one"
     return (
         f"{unusual}{p} looks more like a stream perturbed by {name(best)} than by {others}: probability "
-        f"{percent(best['probability'])} ({interval(best)}); {right}."
+        f"{sure}; {right}."
     )
 
 
@@ -316,6 +371,7 @@ def text(result: dict[str, Any]) -> str:
             f"  {c['mass_range']:{width}}  {percent(c['probability']):>14}  ({interval(c)}); PDF evidence: "
             f"{evidence_words(c, result)}"
         )
+    lines.append(f"  {abundance_words(result)}")
     quality = result["quality"]
     lines += ["", f"Simulated streams observed like this one ({quality['n_held_out']} held out), in counts"]
     labels = [c["mass_range"] for c in result["classes"]]

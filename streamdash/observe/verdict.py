@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from streamdash.classifier.abundance import FreeAbundance, learn_free
 from streamdash.classifier.data import (
     Cancelled,
     ClassifierError,
@@ -59,6 +60,8 @@ class Prepared:
     likeness : Likeness
     pdfs : PdfJudge
     replicas : Replicas
+    free : FreeAbundance or None
+        The classes with their abundance free, where the cache has such streams.
     """
 
     design: Design
@@ -69,6 +72,7 @@ class Prepared:
     likeness: Likeness
     pdfs: PdfJudge
     replicas: Replicas
+    free: FreeAbundance | None = None
 
     def answers(self, q: np.ndarray) -> np.ndarray:
         """Every member's probabilities of profiles (…, n_bin): (n_models, …, n_classes)."""
@@ -101,6 +105,8 @@ class Verdict:
     evidence : PdfEvidence
     judged : Judged
         Held-out streams at this observation's quality.
+    free : ndarray (n_classes,) or None
+        Probabilities if the abundance is not the simulated one, but free (`streamdash.classifier.abundance`).
     """
 
     labels: tuple[str, ...]
@@ -112,6 +118,7 @@ class Verdict:
     resemblance: Resemblance
     evidence: PdfEvidence
     judged: Judged
+    free: np.ndarray | None = None
 
     @property
     def best(self) -> int:
@@ -154,7 +161,10 @@ def prepare(
     Cancelled
         When ``should_stop`` said so.
     """
-    return learn(ObservedStreams.read(cache, ensembles, design), progress, should_stop, settings)
+    prepared = learn(ObservedStreams.read(cache, ensembles, design), progress, should_stop, settings)
+    configs = prepared.streams.configs
+    free = learn_free(cache, configs, prepared.judged, design, settings=settings, should_stop=should_stop)
+    return replace(prepared, free=free)
 
 
 def learn(
@@ -213,6 +223,7 @@ def judge(prepared: Prepared, observation: Observation) -> Verdict:
         resemblance=prepared.likeness(q[None])[0],
         evidence=prepared.pdfs(q),
         judged=prepared.judged,
+        free=None if prepared.free is None else prepared.free.judged.classifier.predict_proba(q[None])[0],
     )
 
 

@@ -45,7 +45,7 @@ def find_entries(cache: Cache, labels: Sequence[str], stream: StreamModel | None
         When there is none of a mass range; names the command that makes one.
     """
     stream = stream or StreamModel()
-    complete = [e for e in cache.entries() if e.kind == "ensemble" and e.state == "complete"]
+    complete = [e for e in cache.entries(("ensembles",)) if e.state == "complete" and e.config.prior is None]
     found = []
     for label in labels:
         wanted = Population(components=(Perturbers(mass_range=parse_mass_range(label)),))

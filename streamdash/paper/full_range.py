@@ -41,7 +41,7 @@ def ensembles(cache: Cache) -> dict[float, EnsembleConfig]:
     """
     found: dict[float, EnsembleConfig] = {}
     for entry in cache.entries():
-        if entry.kind != "ensemble" or entry.state != "complete":
+        if entry.kind != "ensemble" or entry.state != "complete" or entry.config.prior is not None:
             continue
         config = entry.config
         excess = config.population.components[0].rate_factor - 1.0

@@ -16,7 +16,14 @@ from markupsafe import Markup
 from streamdash.naming import class_colour
 from streamdash.observe.observation import Observation
 from streamdash.observe.provenance import provenance_words
-from streamdash.observe.report import evidence_words, interval, name, percent, resemblance_words
+from streamdash.observe.report import (
+    abundance_words,
+    evidence_words,
+    interval,
+    name,
+    percent,
+    resemblance_words,
+)
 from streamdash.plots import observe
 from streamdash.plots.live import export
 
@@ -30,7 +37,16 @@ TEMPLATES = Environment(
 )
 TEMPLATES.globals |= {
     word.__name__: word
-    for word in (class_colour, evidence_words, interval, name, percent, provenance_words, resemblance_words)
+    for word in (
+        abundance_words,
+        class_colour,
+        evidence_words,
+        interval,
+        name,
+        percent,
+        provenance_words,
+        resemblance_words,
+    )
 }
 
 
