@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from streamdash.config import Config, Finite
-from streamdash.observe.names import error_stem, error_unit_of, is_error, one_sided, plain_name
+from streamdash.observe.names import error_stem, error_unit_of, is_beside, is_error, one_sided, plain_name
 from streamdash.observe.table import ObservationError, Table, shown
 from streamdash.survey.design import AS_IS, ORDER_MAX
 
@@ -69,8 +69,6 @@ _VALUE = {
     "density": ("density", "lindens", "lineardensity", "dens", "rho", "lambda"),
 }
 _SMOOTH = ("smooth", "expected", "unperturbed", "trend", "rho0")
-_BESIDE = re.compile(r"(phi2|eta|b|glat|ra|dec|.*j2000|dist.*|id|bin|index|row|.*width)\d*")
-"""Plain names of columns that are neither what was measured nor its error."""
 
 
 class Assumptions(Config):
@@ -165,7 +163,7 @@ def guess(table: Table, known: Mapping[str, Any] | None = None) -> Assumptions:
     if value == smooth:
         smooth = None
     if not sure:
-        rivals = [name for name in candidates if not _BESIDE.fullmatch(plain[name])]
+        rivals = [name for name in candidates if not is_beside(name)]
         # Without names the order of three columns says what they are; that of more does not.
         if "value" not in known and len(rivals) > (1 if table.header else 2):
             undecided.append("value")
@@ -173,7 +171,7 @@ def guess(table: Table, known: Mapping[str, Any] | None = None) -> Assumptions:
     others = [name for name in table.names if name not in (position, upper, value, smooth)]
     error, sure = _error(table, value, errors, others, plain, value == first)
     error_kind: ErrorKind = "column" if error else "poisson" if kind == "counts" else "constant"
-    if not sure and (kind != "counts" or errors or any(not _BESIDE.fullmatch(plain[n]) for n in others)):
+    if not sure and (kind != "counts" or errors or any(not is_beside(n) for n in others)):
         undecided.append("error")
     unit, sure = _error_unit(table, error, value)
     if not sure:
@@ -301,7 +299,7 @@ def _value(table: Table, rest: list[str], plain: dict[str, str]) -> tuple[str, K
         for name in rest:
             if "dens" in plain[name]:
                 return name, "density", True
-    first = next((name for name in rest if not _BESIDE.fullmatch(plain[name])), rest[0])
+    first = next((name for name in rest if not is_beside(name)), rest[0])
     values = table.column(first)
     finite = values[np.isfinite(values)]
     if finite.size and np.all(finite >= 0) and np.all(finite == np.round(finite)) and finite.max() > 1:

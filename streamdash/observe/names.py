@@ -16,9 +16,8 @@ _WHOLE = frozenset({*_MARKS, "e", "d", "rms", "percent", "perc", "pct", "frac", 
     "relative",
     "σ",
 }
-_SIDES = re.compile(
-    r"(lo|low|lower|min|minus|m|neg|hi|high|upp|upper|up|max|plus|p|pos|16|84)|.*(lower|upper|minus|plus)"
-)
+_SIDES = frozenset("lo low lower min minus m neg hi high upp upper up max plus p pos 16 84".split())
+_BESIDE = frozenset("phi2 eta b glat ra dec id bin index row".split())
 _PERCENT = re.compile(r"percent|perc|pct|%")
 _FRACTION = re.compile(r"frac|relative|(^|[_ .-])rel([_ .-]|$)|^relerr|errrel$")
 _RIGHT_ASCENSION = re.compile(
@@ -55,7 +54,21 @@ def error_stem(name: str) -> str:
 def one_sided(name: str) -> bool:
     """Whether an error column is called that of one side alone."""
     words = [plain_name(w) for w in re.split(r"[_ .()\[\]-]+", name.strip().lower())]
-    return any(_SIDES.fullmatch(word) for word in words if word) or name.strip()[-1:] in "+-"
+    sides = ("lower", "upper", "minus", "plus")
+    return any(word in _SIDES or word.endswith(sides) for word in words) or name.strip()[-1:] in ("+", "-")
+
+
+def is_beside(name: str) -> bool:
+    """Whether a column is called neither what was measured nor its error: another coordinate, a number."""
+    plain = plain_name(name).rstrip("0123456789")
+    whole = plain_name(name)
+    return (
+        whole in _BESIDE
+        or plain in _BESIDE
+        or "j2000" in whole
+        or plain.startswith("dist")
+        or plain.endswith("width")
+    )
 
 
 def error_unit_of(name: str, unit: str | None = None) -> Literal["percent", "fraction"] | None:

@@ -10,49 +10,47 @@ from __future__ import annotations
 import csv
 import io
 import re
-import time
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import Field
 
-from streamdash.settings import Settings
+from streamdash.observe.formats import Columns, fixed_width, read_binary, read_marked, refuse_by_name
+from streamdash.observe.limits import (
+    MAX_BYTES,
+    MAX_COLUMNS,
+    MAX_LINES,
+    MAX_NAME,
+    MAX_ROWS,
+    MAX_SECONDS,
+    Deadline,
+    ObservationError,
+    UploadLimit,
+    shown,
+    too_large,
+    too_many,
+)
 
-MAX_BYTES = 1_000_000
-MAX_ROWS = 5000
-MAX_COLUMNS = 64
-MAX_LINES = 4 * MAX_ROWS
-"""Ends of lines, comments and empty lines included; files for Windows have two a line."""
-MAX_SECONDS = 20.0
-"""Longest time that is spent on one file; the largest ones take a second or two on an idle machine."""
-MAX_NAME = 40
-"""Characters of a column's name that are kept."""
+__all__ = [
+    "MAX_BYTES",
+    "MAX_COLUMNS",
+    "MAX_NAME",
+    "MAX_ROWS",
+    "ObservationError",
+    "Table",
+    "UploadLimit",
+    "read_table",
+    "shown",
+    "too_large",
+]
+
 MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "--", "...", "masked"})
 """What stands for no value, in any case of letters."""
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d{1,4})?")
+_COMMA = re.compile(r"[+-]?\d*,\d+([eEdD][+-]?\d{1,4})?")
+"""A number with a decimal comma."""
 _LONGEST_NUMBER = 60
 _LONGEST_COMMENT = 500
 """Characters of a comment in which units are looked for."""
-
-
-class UploadLimit(Settings):
-    """How large a table the operator of a server lets people upload."""
-
-    max_upload_mb: float = Field(
-        MAX_BYTES / 1e6,
-        gt=0,
-        le=MAX_BYTES / 1e6,
-        description="largest table that people may upload, MB; more than 1 is never read",
-    )
-
-
-class ObservationError(ValueError):
-    """A table that cannot be used; one sentence that says where and what to do."""
-
-
-def too_large(limit: int) -> str:
-    """What is said of a file of more than `limit` bytes."""
-    return f"The file is larger than {limit / 1e6:g} MB; a profile has a few dozen rows."
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,45 +100,40 @@ class Table:
         return self.values[:, self.names.index(name)]
 
 
-class _Deadline:
-    """Ends reading that takes too long: whatever a file is made of, others wait for the same processor."""
-
-    def __init__(self, seconds: float) -> None:
-        self.end = time.monotonic() + seconds
-
-    def check(self) -> None:
-        """Raise `ObservationError` when the time is over."""
-        if time.monotonic() > self.end:
-            raise ObservationError(
-                f"Reading the file took longer than {MAX_SECONDS:g} s; give fewer rows and columns: a "
-                "profile has a few dozen rows."
-            )
-
-
 def read_table(data: bytes) -> Table:
-    """Read a table of numbers from the bytes of a text file.
+    """Read a table of numbers from the bytes of a file.
 
-    CSV, TSV, semicolons or white space; UTF-8 with or without a byte-order mark; lines that begin
-    with ``#`` are comments, and the last of them before the numbers may name the columns, as may the
-    first other line. ECSV is CSV or white space under such comments.
+    CSV, TSV, semicolons or white space; UTF-8 with or without a byte-order mark, or Latin-1; decimal
+    points, or commas where these part no columns. Lines that begin with ``#`` are comments, and the last of
+    them before the numbers may name the columns, as may the first other line. ECSV is CSV or white space
+    under such comments. VOTable, FITS tables, CDS, MRT and fixed width: `streamdash.observe.formats`.
 
     Raises
     ------
     ObservationError
-        When it is too large, not text, or not a table of numbers: the sentence names line and column.
+        When it is too large, not a table, or not of numbers: the sentence names line and column.
     """
-    deadline = _Deadline(MAX_SECONDS)
-    lines = _lines(_text(data))
+    deadline = Deadline(MAX_SECONDS)
+    if len(data) > MAX_BYTES:
+        raise ObservationError(too_large(MAX_BYTES))
+    refuse_by_name(data)
+    found = read_binary(data)
+    if found is not None:
+        return _of_columns(found)
+    text, notes = _text(data)
+    found = read_marked(data, text)
+    if found is not None:
+        return _of_columns(found)
+    lines = _lines(text)
     comments = [text for _, text in lines if text.lstrip().startswith("#")]
     rows = [(number, text) for number, text in lines if text.strip() and not text.lstrip().startswith("#")]
     if not rows:
         raise ObservationError("The file holds no rows: only comments or empty lines.")
-    if len(rows) > MAX_ROWS + 1:
-        raise ObservationError(f"The table has {len(rows)} rows; at most {MAX_ROWS} are read: average some.")
-    cells = _split([text for _, text in rows], deadline)
+    too_many(len(rows) - 1)
     numbers = np.array([number for number, _ in rows])
-    if len(cells[0]) > MAX_COLUMNS:
-        raise ObservationError(f"The table has {len(cells[0])} columns; at most {MAX_COLUMNS} are read.")
+    cells, numbers = _split([text for _, text in rows], numbers, deadline)
+    too_many(0, len(cells[0]))
+    cells = _points(cells, notes, deadline)
     header = _is_header(cells[0], int(numbers[0]))
     given = cells[0] if header else _names_in_comment(comments, len(cells[0]))
     body, body_lines = (cells[1:], numbers[1:]) if header else (cells, numbers)
@@ -154,18 +147,21 @@ def read_table(data: bytes) -> Table:
         )
     names = _names(given, width)
     values = _values(body, body_lines, names, deadline)
-    return Table(names, values, body_lines, given is not None, _units(comments, names))
+    return Table(names, values, body_lines, given is not None, _units(comments, names), tuple(notes))
 
 
-def shown(text: str) -> str:
-    """Text of a stranger for a sentence: printable, on one line and short."""
-    clean = "".join(c if c.isprintable() else "�" for c in text.strip())
-    return clean if len(clean) <= MAX_NAME else clean[: MAX_NAME - 1] + "…"
+def _of_columns(found: Columns) -> Table:
+    """The table of a file that is not plain text; its rows are numbered from 1."""
+    too_many(*found.values.shape)
+    if not len(found.values):
+        raise ObservationError("The table has a header but no rows of numbers.")
+    names = _names(found.names, len(found.names))
+    units = {name: shown(unit) for name, unit in zip(names, found.units, strict=True) if unit}
+    return Table(names, found.values, np.arange(1, len(found.values) + 1), True, units, tuple(found.notes))
 
 
-def _text(data: bytes) -> str:
-    if len(data) > MAX_BYTES:
-        raise ObservationError(too_large(MAX_BYTES))
+def _text(data: bytes) -> tuple[str, list[str]]:
+    """The text of a file, and what is to be said of how it was read."""
     if not data.strip():
         raise ObservationError("The file is empty.")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -177,12 +173,9 @@ def _text(data: bytes) -> str:
             f"The file has more than {MAX_LINES:,} lines; at most {MAX_ROWS} rows are read."
         )
     try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data[: error.start].count(b"\n") + 1
-        raise ObservationError(
-            f"The file is not UTF-8 text (line {line}); save the table as CSV in UTF-8."
-        ) from None
+        return data.decode("utf-8-sig"), []
+    except UnicodeDecodeError:
+        return data.decode("latin-1"), ["The file is not UTF-8 text and was read as Latin-1."]
 
 
 def _lines(text: str) -> list[tuple[int, str]]:
@@ -190,12 +183,28 @@ def _lines(text: str) -> list[tuple[int, str]]:
     return list(enumerate(re.split("\r\n|\r|\n", text), start=1))
 
 
-def _split(rows: list[str], deadline: _Deadline) -> list[list[str]]:
-    """Cells of every row, with the separator that the first rows have."""
+def _split(rows: list[str], numbers: np.ndarray, deadline: Deadline) -> tuple[list[list[str]], np.ndarray]:
+    """Cells of every row, with the separator that the first rows have, and the rows' lines.
+
+    Where rows of white space have different numbers of cells, their places may tell the columns.
+    """
     head = rows[:2]
     separator = next((s for s in ("\t", ";", ",") if all(s in row for row in head)), None)
+    words = head[-1].split()
+    if separator == "," and len(words) > 1 and all(_COMMA.fullmatch(word) or _number(word) for word in words):
+        separator = None  # decimal commas between blanks
     if separator is None:
-        return [row.split() for row in rows]
+        cells = [_words(row) for row in rows]
+        marked = all(row.count("|") > 1 for row in head) or re.fullmatch(
+            r"[\s=-]+", rows[min(1, len(rows) - 1)]
+        )
+        if marked or len({len(row) for row in cells}) > 1:
+            found = fixed_width([row.expandtabs() for row in rows])
+            if found is not None:
+                rules = [bool(re.fullmatch(r"[\s|:+=-]+", row)) for row in rows]
+                kept = numbers[~np.array(rules)]
+                return found, kept if len(kept) == len(found) else np.arange(1, len(found) + 1)
+        return cells, numbers
     cells = []
     for row in rows:
         deadline.check()
@@ -204,7 +213,29 @@ def _split(rows: list[str], deadline: _Deadline) -> list[list[str]]:
         except csv.Error:  # a cell of more than 131,072 characters
             found = [row]
         cells.append(found)
-    return cells
+    return cells, numbers
+
+
+def _words(row: str) -> list[str]:
+    """Cells between blanks; quotation marks around one are taken off."""
+    return [w[1:-1] if len(w) > 1 and w[0] == w[-1] == '"' else w for w in row.split()]
+
+
+def _points(cells: list[list[str]], notes: list[str], deadline: Deadline) -> list[list[str]]:
+    """Cells with decimal points, where the file has commas in their place."""
+    found = [cell.strip() for row in cells for cell in row if "," in cell and _COMMA.fullmatch(cell.strip())]
+    if not found:
+        return cells
+    deadline.check()
+    if all(re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", cell) for cell in found):
+        raise ObservationError(
+            f"“{shown(found[0])}” may have a decimal comma or one that parts thousands; write decimal points "
+            "and no commas."
+        )
+    notes.append("Decimal commas were read as points.")
+    return [
+        [cell.replace(",", ".") if _COMMA.fullmatch(cell.strip()) else cell for cell in row] for row in cells
+    ]
 
 
 def _number(cell: str) -> float | None:
@@ -231,7 +262,7 @@ def _is_header(cells: list[str], line: int) -> bool:
 
 
 def _values(
-    cells: list[list[str]], lines: np.ndarray, names: tuple[str, ...], deadline: _Deadline
+    cells: list[list[str]], lines: np.ndarray, names: tuple[str, ...], deadline: Deadline
 ) -> np.ndarray:
     values = np.empty((len(cells), len(names)))
     for i, (row, line) in enumerate(zip(cells, lines, strict=True)):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -20,6 +23,13 @@ Q = 1 + 0.3 * np.sin(PHI1 / 7)
 def csv(*columns: np.ndarray, header: str = "", separator: str = ",") -> bytes:
     rows = "\n".join(separator.join(f"{value:.6g}" for value in row) for row in zip(*columns, strict=True))
     return (f"{header}\n{rows}\n" if header else f"{rows}\n").encode()
+
+
+def comma(data: bytes) -> bytes:
+    """The same table with decimal commas, in every number."""
+    return b"\n".join(
+        line if i == 0 else line.replace(b".", b",") for i, line in enumerate(data.splitlines())
+    )
 
 
 def shuffled(data: bytes) -> bytes:
@@ -62,12 +72,16 @@ def refused(data: bytes, geometry, **changes) -> str:
         csv(PHI1, Q, 0.1 + 0 * Q, header="phi1,q_rho,error").replace(b"\n", b"\r"),
         csv(PHI1[::-1], Q[::-1], 0.1 + 0 * Q, header="phi1,q_rho,error"),
         csv(PHI1 + 360, Q, 0.1 + 0 * Q, header="phi1,q_rho,error"),
+        comma(csv(PHI1, Q, 0.1 + 0 * Q, header="phi1;q_rho;error", separator=";")),
+        comma(csv(PHI1, Q, 0.1 + 0 * Q, header="phi1 q_rho error", separator=" ")),
+        comma(csv(PHI1, Q, 0.1 + 0 * Q, header="phi1\tq_rho\terror", separator="\t")),
+        "# dichte in °\n".encode("latin-1") + csv(PHI1, Q, 0.1 + 0 * Q, header="phi1,q_rho,error"),
         shuffled(csv(PHI1, Q, 0.1 + 0 * Q, header="phi1,q_rho,error")),
         csv(PHI1, Q, 0.1 + 0 * Q),
     ],
     ids=[
         *("csv", "tsv", "semicolons", "blanks", "commented", "dos", "bom", "mac", "falling", "turn"),
-        *("shuffled", "bare"),
+        *("comma-semicolons", "comma-blanks", "comma-tabs", "latin-1", "shuffled", "bare"),
     ],
 )
 def test_the_same_profile_in_any_dress(data, geometry):
@@ -162,7 +176,12 @@ def test_every_assumption_is_stated_and_can_be_changed(geometry):
         (b"# only\n# comments", "holds no rows"),
         (b"phi1,q\n", "a header but no rows"),
         (b"\x89PNG\r\n\x1a\n\x00\x00", "not text"),
-        (b"phi1,q\n-30,\xff\xfe\n", "not UTF-8 text (line 2)"),
+        (b"phi1,q\n-30,\xff\xfe\n", "Line 2, column “q”: “ÿþ” is not a number"),
+        (b"PK\x03\x04 [Content_Types].xml xl/workbook.xml", "is an Excel workbook, which is not read; save"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "is an Excel workbook"),
+        (gzip.compress(b"phi1,q"), "compressed with gzip"),
+        (pickle.dumps({"phi1": [1.0]}), "a Python pickle, which is never opened"),
+        (b"phi1;q\n-30;1,234\n-28;2,500", "“1,234” may have a decimal comma or one that parts thousands"),
         ("phi1,q\n-30,1".encode("utf-16"), "UTF-16"),
         (b"x" * (MAX_BYTES + 1), "larger than 1 MB"),
         (b"1 2\n" * (MAX_ROWS + 2), "at most 5000 are read"),
@@ -240,7 +259,11 @@ GAIA = PHI1 + 240
         (csv(PHI1, Q, ERR, ERR, header="phi1,q,e_1,sigma_2"), {"error"}, {"error": "e_1"}),
         (csv(PHI1, Q, ERR, header="phi1,q,e_phi1"), {"error"}, {"error_kind": "constant"}),
         (csv(PHI1, Q, ERR, header="phi1,profile,err"), {"kind"}, {"kind": "q_rho"}),
-        (csv(PHI1, Q, Q, ERR, header="phi1,y,z,err"), {"value", "kind"}, {"value": "z", "kind": "q_rho"}),
+        (
+            csv(PHI1, Q, Q, ERR, header="phi1,y,z,err"),
+            {"value", "kind"},
+            {"value": "z", "kind": "q_rho", "error": "err"},
+        ),
         (csv(PHI1, Q, Q, Q, ERR), {"coordinate", "value", "kind", "error"}, None),
     ],
 )
