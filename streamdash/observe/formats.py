@@ -47,7 +47,6 @@ MAX_TEXT = 1000
 BYTE_BY_BYTE = "byte-by-byte description"
 """Begins the description of the columns of a CDS or MRT table."""
 RULES = ({"-"}, {"="})
-_DESCRIBED = re.compile(r" *(\d+ *- *)?\d+ +[AIFEDaifed]\d+")
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,7 +265,7 @@ def _mrt(text: str) -> Columns:
     described = lines[first : rules[2]]
     if len(described) > 10 * MAX_COLUMNS or max(map(len, described)) > 2000:
         raise ObservationError("The byte-by-byte description is longer than any that is read.")
-    defined = [line for line in described if _DESCRIBED.match(line)]
+    defined = [line for line in described if re.match(r" *(\d+ *- *)?\d+ +[AIFEDaifed]\d+", line)]
     body = [line for line in lines[rules[-1] + 1 :] if line.strip()]
     too_many(len(body), len(defined))
     if any(len(word) > MAX_UNIT for line in defined for word in line.split()[:4]):
