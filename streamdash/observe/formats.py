@@ -239,7 +239,7 @@ def _walked(data: bytes) -> dict[str, str]:
         nonlocal depth
         depth -= 1
 
-    def declared(*_given: Any) -> None:
+    def declared(*_given: Any) -> Any:
         refuse(
             "has a document type or entities of its own, which are not read; save it without (no <!DOCTYPE)"
         )

@@ -209,10 +209,10 @@ def _split(rows: list[str], numbers: np.ndarray, deadline: Deadline) -> tuple[li
     for row in rows:
         deadline.check()
         try:
-            found = next(csv.reader(io.StringIO(row), delimiter=separator, skipinitialspace=True), [])
+            read = next(csv.reader(io.StringIO(row), delimiter=separator, skipinitialspace=True), [])
         except csv.Error:  # a cell of more than 131,072 characters
-            found = [row]
-        cells.append(found)
+            read = [row]
+        cells.append(read)
     return cells, numbers
 
 
