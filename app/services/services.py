@@ -198,7 +198,7 @@ class Services:
 @functools.cache
 def process_services() -> Services:
     """The one `Services` of this server process; only ``main.py`` calls this."""
-    return Services(Cache.default(), limits=Limits.from_environment(), uploads=UploadLimit.from_environment())
+    return Services(Cache.default(), limits=Limits(), uploads=UploadLimit())
 
 
 def _size(value: Any) -> int:

@@ -6,20 +6,12 @@ import os
 import subprocess
 import sys
 from itertools import chain
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from streamdash import paths
 from streamdash.cli.common import CacheOption, InputError, make_cache
-from streamdash.cli.deploy import (
-    Deployment,
-    check,
-    server_arguments,
-    server_environment,
-    settings_table,
-    warnings_of,
-)
 
 
 def serve_command(
@@ -45,14 +37,23 @@ def serve_command(
     ] = False,
 ) -> None:
     """Start the dashboard; --settings lists the environment variables that set it up."""
+    from streamdash.cli.deploy import (
+        Deployment,
+        check,
+        server_arguments,
+        server_environment,
+        settings_table,
+        warnings_of,
+    )
     from streamdash.observe.table import UploadLimit
     from streamdash.simulation.limits import Limits
 
     make_cache(cache)
     if not (paths.APP / "main.py").is_file():
         raise InputError(f"The dashboard is not where it should be ({paths.APP}); install streamdash anew.")
-    chosen = Deployment.from_environment(address=address, port=port, origins=allow_origin or None)
-    allowed = [Limits.from_environment(), UploadLimit.from_environment()]
+    given: dict[str, Any] = {"address": address, "port": port, "origins": allow_origin or None}
+    chosen = Deployment(**{name: value for name, value in given.items() if value is not None})
+    allowed = [Limits(), UploadLimit()]
     if settings:
         for name, value, meaning in chain.from_iterable(map(settings_table, [chosen, *allowed])):
             print(f"{name:<32} {value:<20} {meaning}")

@@ -43,7 +43,10 @@ PASSWORD = "Open, Sesame 9"
 
 
 def settings(**variables: str) -> Deployment:
-    return Deployment.from_environment({PREFIX + name.upper(): value for name, value in variables.items()})
+    with pytest.MonkeyPatch.context() as environment:
+        for name, value in variables.items():
+            environment.setenv(PREFIX + name.upper(), value)
+        return Deployment()
 
 
 # --- who may connect --------------------------------------------------------------------------
@@ -65,10 +68,12 @@ def test_who_may_connect():
     assert origins({"BOKEH_ALLOW_WS_ORIGIN": "streams.example.org"}, address="0.0.0.0") == []
 
 
-def test_what_is_given_on_the_command_line_wins():
-    environment = {"STREAMDASH_PORT": "8000", "STREAMDASH_ADDRESS": "0.0.0.0"}
-    assert Deployment.from_environment(environment, port=9000, address=None).port == 9000
-    assert Deployment.from_environment(environment, port=9000, address=None).address == "0.0.0.0"
+def test_what_is_given_on_the_command_line_wins(monkeypatch):
+    monkeypatch.setenv("STREAMDASH_PORT", "8000")
+    monkeypatch.setenv("STREAMDASH_ADDRESS", "0.0.0.0")
+    assert Deployment().port == 8000
+    assert Deployment(port=9000).port == 9000
+    assert Deployment(port=9000).address == "0.0.0.0"
 
 
 @pytest.mark.parametrize(
@@ -190,9 +195,10 @@ def test_the_documentation_lists_every_variable_with_its_default_and_meaning():
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "1.5", "nan", "a lot"])
-def test_uploads_cannot_be_larger_than_what_is_read(text):
+def test_uploads_cannot_be_larger_than_what_is_read(text, monkeypatch):
+    monkeypatch.setenv("STREAMDASH_MAX_UPLOAD_MB", text)
     with pytest.raises(ConfigError, match=f"^STREAMDASH_MAX_UPLOAD_MB: .*got '{text}'"):
-        UploadLimit.from_environment({"STREAMDASH_MAX_UPLOAD_MB": text})
+        UploadLimit()
 
 
 # --- a real server ----------------------------------------------------------------------------

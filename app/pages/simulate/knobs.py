@@ -60,7 +60,7 @@ class Knob:
                 if getattr(rule, sign, None) is not None:
                     limits[sign[0]] = f"{getattr(rule, sign):g}"
         if self.name == "sim_n":
-            limits["l"] = f"{Limits.from_environment().max_streams}"
+            limits["l"] = f"{Limits().max_streams}"
         if self.name == "sim_seed":
             return "a whole number"
         return f"{limits['g']} to {limits['l']}" if len(limits) == 2 else ""
