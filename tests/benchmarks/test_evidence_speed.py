@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 
+from streamdash.config import StreamModel
 from streamdash.statistics.evidence import measure_evidence
 from streamdash.statistics.evidence_growth import bootstrap
 from streamdash.statistics.joint import joint_evidence
 from streamdash.statistics.pdf import measure_pdfs
+from streamdash.streams import window_of
+from streamdash.survey import sky
 
 TARGET_S = 0.150
 NOISE = 0.1
@@ -62,6 +66,22 @@ def test_joint_evidence_of_all_pairs(benchmark, streams):
 def test_bootstrap_of_all_pairs(benchmark, streams):
     errors = benchmark.pedantic(bootstrap, args=measured(*streams), warmup_rounds=1, rounds=3)
     assert np.isfinite(errors).all()
+
+
+@pytest.mark.benchmark(group="survey")
+def test_profiles_of_an_ensemble(benchmark, geometry):
+    """Qρ of 2,000 streams in the bins of the default window."""
+    theta = np.linspace(*window_of(StreamModel()).theta, 400)
+    ensemble = xr.Dataset(
+        {
+            "density": (("stream", "theta"), np.ones((2000, 400), dtype="float32")),
+            "smooth": ("theta", geometry.smooth_density(theta)),
+        },
+        coords={"theta": theta},
+    )
+    edges = sky.longitude_bins(geometry)
+    q = benchmark.pedantic(sky.q_rho, args=(geometry, ensemble, edges), warmup_rounds=1, rounds=5)
+    assert q.shape == (2000, len(edges) - 1)
 
 
 def measured(profiles, draws):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import pytest
-from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Page, Request, expect, sync_playwright
 
-from tests.browser.driving import launch, open_app, served
+from tests.browser.driving import PATIENCE_MS, launch, open_app, served
 
 
 @pytest.fixture(scope="session")
@@ -20,6 +20,7 @@ def address(shipped_cache) -> Iterator[str]:
 @pytest.fixture(scope="session")
 def chrome() -> Iterator[Browser]:
     """Debian's Chromium; fails with the command that installs it where it is missing."""
+    expect.set_options(timeout=PATIENCE_MS)
     with sync_playwright() as playwright:
         browser = launch(playwright)
         yield browser

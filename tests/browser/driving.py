@@ -26,6 +26,8 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
+PATIENCE_MS = 240_000
+"""Milliseconds that anything is waited for; a wait ends with what is awaited, so only failures take long."""
 READY = """() => window.Bokeh && Bokeh.documents.length && Bokeh.documents[0].is_idle
              && Bokeh.documents[0].roots().length"""
 """Without the number of roots an app that failed to build looks idle."""
@@ -83,7 +85,7 @@ def started(cache: Path, *options: str, script: Path | None = None) -> Iterator[
     finally:
         process.send_signal(signal.SIGTERM)
         try:
-            process.wait(10)
+            process.wait(60)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
@@ -96,13 +98,13 @@ def served(cache: Path, *options: str, **choices: Path) -> Iterator[str]:
         yield address
 
 
-def _wait_until_live(process: subprocess.Popen, url: str, seconds: float = 60) -> None:
+def _wait_until_live(process: subprocess.Popen, url: str, seconds: float = PATIENCE_MS / 1000) -> None:
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         if process.poll() is not None:
             raise RuntimeError(f"the server ended with code {process.returncode} before it was up")
         with contextlib.suppress(urllib.error.URLError, ConnectionError):
-            if urllib.request.urlopen(url, timeout=2).status == 200:
+            if urllib.request.urlopen(url, timeout=30).status == 200:
                 return
         time.sleep(0.1)
     raise RuntimeError(f"the server did not answer within {seconds:g} s")
@@ -110,7 +112,8 @@ def _wait_until_live(process: subprocess.Popen, url: str, seconds: float = 60) -
 
 def open_app(page: Page, address: str, query: str = "") -> Page:
     """Go to the app and wait until everything is drawn."""
-    page.goto(f"{address}/main{query}", timeout=60_000)
-    page.wait_for_function(READY, timeout=60_000)
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto(f"{address}/main{query}")
+    page.wait_for_function(READY)
     page.evaluate(MODELS)
     return page

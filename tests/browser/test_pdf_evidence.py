@@ -136,13 +136,13 @@ def test_moving_the_sliders_changes_ln_b_and_then_the_table(tab):
     watched = tab(EVIDENCE)
     page = watched.page
     table = page.locator(".sd-table-1 table.ready")
-    expect(table).to_contain_text("Paper, table 1", timeout=30_000)
+    expect(table).to_contain_text("Paper, table 1")
     before, words = lines(page, "ln B for M0"), table.inner_text()
     press(page, "noise", "ArrowRight", 5)
     wait_for_query(page, "noise", "0.15")
     assert not same(before, lines(page, "ln B for M0"))
     expect(sentence(page, "evidence")).to_contain_text("Σ ln B")
-    expect(table).not_to_have_text(words, timeout=30_000)
+    expect(table).not_to_have_text(words)
     between = lines(page, "ln B for M0")
     press(page, "n_bin", "ArrowRight")
     wait_for_query(page, "n_bin", "21")
@@ -153,7 +153,7 @@ def test_moving_the_sliders_changes_ln_b_and_then_the_table(tab):
 def test_the_table_stands_beside_the_papers_with_jeffreys_words(tab):
     page = tab(EVIDENCE).page
     table = page.locator(".sd-table-1 table.ready")
-    expect(table).to_contain_text("Paper, table 1", timeout=30_000)
+    expect(table).to_contain_text("Paper, table 1")
     cells = [text.split("\n")[0].strip() for text in table.locator("td").all_inner_texts()]
     for value in ("9.0", "18.0", "33.1", "53.5", "4.0", "5.4", "3.1", "1.3"):
         assert value in cells
@@ -166,8 +166,8 @@ def test_the_table_stands_beside_the_papers_with_jeffreys_words(tab):
 def test_slow_results_reach_a_page_that_was_just_opened(tab, noise):
     """Nobody asked for this noise before: the results come while or after the browser builds the page."""
     page = tab(f"{EVIDENCE}&noise={noise}").page
-    expect(sentence(page, "cumulative")).to_contain_text("the plain sum goes from", timeout=30_000)
-    expect(sentence(page, "growth")).to_contain_text("2000 streams", timeout=30_000)
+    expect(sentence(page, "cumulative")).to_contain_text("the plain sum goes from")
+    expect(sentence(page, "growth")).to_contain_text("2000 streams")
     page.wait_for_function("() => sd.figures().some(f => f.left[0].axis_label === 'Σ ln B for M0')")
     page.wait_for_function("() => sd.figures().some(f => f.left[0].axis_label === 'Σ ln B over bins')")
 
@@ -190,15 +190,15 @@ def test_the_text_on_differences_can_be_read(tab):
 
 def test_numbers_of_every_card_are_downloaded(tab, tmp_path):
     page = tab(EVIDENCE).page
-    expect(page.locator(".sd-table-1 table.ready")).to_contain_text("Paper, table 1", timeout=30_000)
-    expect(sentence(page, "growth")).to_contain_text("streams", timeout=30_000)
+    expect(page.locator(".sd-table-1 table.ready")).to_contain_text("Paper, table 1")
+    expect(sentence(page, "growth")).to_contain_text("streams")
     for card, column in (("evidence", "ln_bayes"), ("cumulative", "paper"), ("growth", "sum_ln_bayes")):
-        with page.expect_download(timeout=30_000) as download:
+        with page.expect_download() as download:
             page.locator(f".sd-card-{card}").get_by_role("button", name="CSV").click()
         path = tmp_path / download.value.suggested_filename
         download.value.save_as(path)
         assert np.isfinite(pd.read_csv(path)[column]).any()
-    with page.expect_download(timeout=30_000) as download:
+    with page.expect_download() as download:
         page.locator(".sd-card-cumulative").get_by_role("button", name="SVG").click()
     download.value.save_as(tmp_path / "cumulative.svg")
     assert "<svg" in (tmp_path / "cumulative.svg").read_text(encoding="utf-8")[:2000]
@@ -209,7 +209,7 @@ def test_numbers_of_every_card_are_downloaded(tab, tmp_path):
 def test_a_phone_shows_everything_without_sideways_scrolling(tab, query, theme):
     page = tab(f"{query}&theme={theme}", width=390, height=844).page
     if "evidence" in query:
-        expect(page.locator(".sd-table-1 table.ready")).to_be_attached(timeout=30_000)
+        expect(page.locator(".sd-table-1 table.ready")).to_be_attached()
     wide = page.evaluate(
         """() => {
           const wide = []

@@ -13,6 +13,7 @@ from tests.browser.driving import READY
 
 pytestmark = pytest.mark.browser
 TWO = "?page=profiles&mass=1e3-1e5,1e5-1e9"
+COLOUR = "() => getComputedStyle(document.body).backgroundColor"
 
 # Share of a figure's pixels that differ from its corner, and the mean of its three channels.
 PAINTED = """
@@ -57,7 +58,7 @@ def address_bar(page: Page) -> str:
 
 def background(page: Page) -> list[int]:
     """Red, green and blue of the page's background."""
-    colour = page.evaluate("() => getComputedStyle(document.body).backgroundColor")
+    colour = page.evaluate(COLOUR)
     return [int(channel) for channel in re.findall(r"\d+", colour)[:3]]
 
 
@@ -117,11 +118,11 @@ def test_light_and_dark(tab):
     assert min(background(page)) > 230
     page.get_by_role("button", name="Toggle theme").click()
     page.wait_for_function("() => location.search.includes('theme=dark')")
-    page.wait_for_timeout(500)
     for dark in (page, tab(TWO + "&theme=dark").page):
-        assert max(background(dark)) < 60
-        ink = dark.evaluate("() => sd.figures()[0].renderers.map(r => r.glyph.line_color?.value)")
-        assert "#e6e8eb" in ink
+        dark.wait_for_function(f"() => ({COLOUR})().match(/[0-9]+/g).slice(0, 3).every(c => c < 60)")
+        dark.wait_for_function(
+            """() => sd.figures()[0].renderers.some(r => r.glyph.line_color?.value === "#e6e8eb")"""
+        )
 
 
 @pytest.mark.parametrize("theme", ["default", "dark"])
@@ -159,7 +160,7 @@ def test_everything_comes_from_the_server_and_nothing_complains(tab, address):
     noise_thumb(watched.page).focus()
     watched.page.keyboard.press("ArrowRight")
     watched.page.get_by_text("Show the code").click()
-    watched.page.wait_for_timeout(500)
+    expect(watched.page.locator(".sd-code pre")).to_contain_text("noise=0.11,")
     outside = [
         url
         for url in watched.requests
@@ -189,7 +190,7 @@ def test_many_quick_moves_end_at_the_last_value(tab):
     noise_thumb(page).focus()
     for _ in range(40):
         page.keyboard.press("ArrowRight")
-    page.wait_for_function("() => location.search.includes('noise=0.4')", timeout=15_000)
+    page.wait_for_function("() => location.search.includes('noise=0.4')")
     np.testing.assert_allclose(band(page), band(tab(TWO + "&noise=0.4").page))
     assert watched.complaints == []
 
@@ -206,7 +207,7 @@ def test_files_are_downloaded(tab, tmp_path):
     page = tab(TWO + "&noise=0.2").page
     found = {}
     for kind in ("PNG", "SVG", "CSV"):
-        with page.expect_download(timeout=30_000) as download:
+        with page.expect_download() as download:
             page.get_by_role("button", name=kind).click()
         found[kind] = tmp_path / download.value.suggested_filename
         download.value.save_as(found[kind])

@@ -15,7 +15,6 @@ from streamdash.store.cache import Cache
 from tests.browser.driving import open_app, started
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
-PATIENCE = 120_000
 OFFERED = """() => [...Bokeh.documents[0]._all_models.values()].some(m =>
     (m.css_classes ?? []).includes("sd-mass") && JSON.stringify(m.data.options).includes("mine"))"""
 SMALL = EnsembleConfig(perturbers=Perturbers(mass_range="1e8-1e9"), n_streams=20)
@@ -57,25 +56,22 @@ def test_a_simulation_is_watched_found_everywhere_and_outlives_its_server(root, 
     with started(root) as (address, server):
         other = new_page(address, "?page=profiles")
         page = new_page(address, "?page=simulate&sim_mass=1e7-1e8&sim_n=120&sim_title=%3Ci%3Emine")
-        expect(status(page)).to_contain_text("impacts are expected per stream", timeout=PATIENCE)
+        expect(status(page)).to_contain_text("impacts are expected per stream")
         sentence = page.locator(".sd-card-simulate .sd-sentence p")
-        expect(sentence).to_contain_text("of the first 5 streams", timeout=PATIENCE)
+        expect(sentence).to_contain_text("of the first 5 streams")
         press(page, "Simulate")
-        expect(status(page)).to_contain_text("Done: 120 streams", timeout=PATIENCE)
-        expect(sentence).to_contain_text("120 finished streams of 120", timeout=PATIENCE)
-        other.wait_for_function(
-            OFFERED,
-            timeout=PATIENCE,
-        )
+        expect(status(page)).to_contain_text("Done: 120 streams")
+        expect(sentence).to_contain_text("120 finished streams of 120")
+        other.wait_for_function(OFFERED)
         press(page, "See its profiles")
-        page.wait_for_url(re.compile("mass="), timeout=PATIENCE)
-        expect(page.locator(".sd-class").first).to_contain_text("<i>mine", timeout=PATIENCE)
+        page.wait_for_url(re.compile("mass="))
+        expect(page.locator(".sd-class").first).to_contain_text("<i>mine")
 
         busy = new_page(address, "?page=simulate&sim_mass=1e5-1e7&sim_n=1500")
-        expect(status(busy)).to_contain_text("1500 streams take about", timeout=PATIENCE)
+        expect(status(busy)).to_contain_text("1500 streams take about")
         press(busy, "Simulate")
         expect(busy.locator(".sd-card-simulate .sd-sentence p")).to_contain_text(
-            re.compile(r"^\d+ finished streams of 1500"), timeout=PATIENCE
+            re.compile(r"^\d+ finished streams of 1500")
         )
         server.kill()
         server.wait()
@@ -86,12 +82,10 @@ def test_a_simulation_is_watched_found_everywhere_and_outlives_its_server(root, 
         page = new_page(address, "?page=simulate")
         page.locator(".sd-sim-list").get_by_text("Simulations on this server").click()
         press(page, "Show")
-        expect(status(page)).to_contain_text(f"{entry.n_done} of 1500 are finished already", timeout=PATIENCE)
+        expect(status(page)).to_contain_text(f"{entry.n_done} of 1500 are finished already")
         press(page, "Resume")
-        expect(status(page)).to_contain_text("Computing the streams.", timeout=PATIENCE)
+        expect(status(page)).to_contain_text("Computing the streams.")
         press(page, "Cancel")
-        expect(status(page)).to_contain_text(
-            re.compile(r"Cancelled; \d+ of 1500 streams are kept"), timeout=PATIENCE
-        )
+        expect(status(page)).to_contain_text(re.compile(r"Cancelled; \d+ of 1500 streams are kept"))
     assert cache.verify(cache.find(many.key)) == []
     assert cache.find(many.key).n_done >= entry.n_done

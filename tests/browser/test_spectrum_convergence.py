@@ -57,12 +57,12 @@ def test_the_noise_slider_moves_the_spectra_and_the_statements(tab):
     page.locator(".sd-noise .MuiSlider-thumb input").first.focus()
     for _ in range(3):
         page.keyboard.press("ArrowRight")
-    expect(page.locator(".sd-statements")).to_contain_text("tested at σ_ε = 0.13", timeout=20_000)
+    expect(page.locator(".sd-statements")).to_contain_text("tested at σ_ε = 0.13")
     after = lines(page, "√P of Qρ")
     changed = [not np.array_equal(a, b, equal_nan=True) for a, b in zip(before, after, strict=True)]
     assert sum(changed) == 3  # two classes and the noise; not the classes without noise, nor the limits
     expect(page.locator(".sd-statements")).to_contain_text("true")
-    expect(sentence(page, "bispectrum")).to_contain_text("Three waves at a time", timeout=30_000)
+    expect(sentence(page, "bispectrum")).to_contain_text("Three waves at a time")
     assert watched.complaints == []
 
 
@@ -72,22 +72,22 @@ def test_a_test_of_convergence_is_chosen_shown_and_downloaded(tab, tmp_path):
     expect(page.locator(".sd-lab-shifts")).to_contain_text("16 times")
     assert len(lines(page, "√P of Qρ")) == 7
     expect(page.locator(".sd-lab-verdicts")).to_contain_text("Orbital phase of the impacts")
-    with page.expect_download(timeout=30_000) as download:
+    with page.expect_download() as download:
         page.locator(".sd-card-convergence").get_by_role("button", name="CSV").click()
     download.value.save_as(tmp_path / "times.csv")
     assert pd.read_csv(tmp_path / "times.csv").setting.nunique() == 7
     page.get_by_role("link", name="Size and profile of the perturbers").click()
     page.wait_for_url("**knob=profile**")
-    expect(page.locator(".sd-lab-shifts")).to_contain_text("Plummer", timeout=30_000)
+    expect(page.locator(".sd-lab-shifts")).to_contain_text("Plummer")
     page.locator(".sd-lab_streams").get_by_role("button", name="100", exact=True).click()
-    expect(page.get_by_role("button", name="Simulate")).to_be_visible(timeout=20_000)
+    expect(page.get_by_role("button", name="Simulate")).to_be_visible()
     expect(page.locator(".sd-lab-status .sd-live")).to_contain_text("4 of the 4 settings are not simulated")
-    expect(sentence(page, "convergence")).to_have_text("", timeout=20_000)
+    expect(sentence(page, "convergence")).to_have_text("")
     assert watched.complaints == []
 
 
 @pytest.mark.parametrize("query", [SPECTRUM, "?page=convergence&theme=dark"])
 def test_a_phone_shows_everything_without_sideways_scrolling(tab, query):
     page = tab(query, width=390, height=844).page
-    expect(page.locator(".sd-sentence .sd-live").first).to_contain_text("streams", timeout=30_000)
+    expect(page.locator(".sd-sentence .sd-live").first).to_contain_text("streams")
     assert page.evaluate(WIDE) == []

@@ -12,6 +12,7 @@ from streamdash.simulation.geometry import load_geometry
 from streamdash.simulation.jobs import Jobs, Limits, Refused
 from streamdash.simulation.status import Pace
 from streamdash.store.cache import Cache
+from tests.waiting import PATIENCE_S, wait_until
 
 
 @pytest.fixture(scope="module")
@@ -31,13 +32,6 @@ def start(geometry_cache):
     yield make
     for jobs in queues:
         jobs.close()
-
-
-def wait_until(condition, seconds: float = 60) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen"
-        time.sleep(0.01)
 
 
 def test_a_job_is_seen_from_none_to_all_and_gives_the_ensemble(config, start, geometry_cache, tmp_path, toy):
@@ -80,7 +74,7 @@ def test_two_who_ask_for_the_same_share_a_job_that_stops_when_both_have_left(con
     jobs.cancel(key, "a")
     assert jobs.find(key).state == "running"
     jobs.cancel(key, "b")
-    status = jobs.wait(key, 30)
+    status = jobs.wait(key, PATIENCE_S)
     assert status.state == "cancelled"
     assert 0 < status.done < 5000
     assert geometry_cache.streams_done(many) == status.done
@@ -92,11 +86,11 @@ def test_a_cancelled_job_resumes_where_it_stopped(config, start, geometry_cache)
     key = jobs.submit(many, "a")
     wait_until(lambda: jobs.find(key).done > 0)
     jobs.cancel(key, "a")
-    kept = jobs.wait(key, 30).done
+    kept = jobs.wait(key, PATIENCE_S).done
     assert 0 < kept < 400
     assert jobs.submit(many, "a") == key
     assert jobs.find(key).done == kept
-    assert jobs.wait(key, 60).state == "done"
+    assert jobs.wait(key, PATIENCE_S).state == "done"
     assert geometry_cache.verify(geometry_cache.find(key)) == []
 
 
@@ -106,7 +100,7 @@ def test_a_job_whose_owner_has_gone_goes_on_and_may_be_cancelled_by_anybody(conf
     jobs.leave("gone")
     assert jobs.find(key).active
     jobs.cancel(key, "anybody")
-    assert jobs.wait(key, 30).state == "cancelled"
+    assert jobs.wait(key, PATIENCE_S).state == "cancelled"
 
 
 def test_jobs_wait_for_their_turn_and_a_waiting_one_is_cancelled_at_once(config, start):
@@ -119,7 +113,7 @@ def test_jobs_wait_for_their_turn_and_a_waiting_one_is_cancelled_at_once(config,
     jobs.cancel(key, "b")
     assert jobs.find(key).state == "cancelled"
     jobs.cancel(first.key, "a")
-    assert jobs.wait(first.key, 30).state == "cancelled"
+    assert jobs.wait(first.key, PATIENCE_S).state == "cancelled"
 
 
 def test_what_another_process_computes_is_watched_and_does_not_hold_up_others(config, start, geometry_cache):
@@ -129,16 +123,16 @@ def test_what_another_process_computes_is_watched_and_does_not_hold_up_others(co
     with geometry_cache.begin(theirs, background(geometry, theirs)):
         key = jobs.submit(theirs, "me")
         other = jobs.submit(config, "me")
-        assert jobs.wait(other, 60).state == "done"
+        assert jobs.wait(other, PATIENCE_S).state == "done"
         assert jobs.find(key).state == "elsewhere"
-    assert jobs.wait(key, 60).state == "done"  # the other process gave it up
+    assert jobs.wait(key, PATIENCE_S).state == "done"  # the other process gave it up
 
 
 def test_a_model_that_galpy_cannot_build_fails_in_a_sentence(start):
     jobs = start()
     unbound = StreamModel(n_times=1, progenitor=(1.5, 0.3, 9.0, 0.9, -0.5, 0.1))
     key = jobs.submit(EnsembleConfig(stream=unbound, n_streams=1), "me")
-    status = jobs.wait(key, 120)
+    status = jobs.wait(key, PATIENCE_S)
     assert status.state == "failed"
     assert "progenitor: it is not bound to the Galaxy" in status.error
 
@@ -178,18 +172,15 @@ def test_a_name_that_cannot_be_used_is_refused(config, start):
         start().submit(config, "me", "two\nlines")
 
 
-def test_limits_come_from_the_environment(monkeypatch):
-    default = Limits()
-    monkeypatch.setenv("STREAMDASH_MAX_STREAMS", " 500 ")
-    monkeypatch.setenv("STREAMDASH_WORKERS", "")
-    assert Limits() == default.model_copy(update={"max_streams": 500})
-    assert Limits(max_streams=7).max_streams == 7
+def test_limits_come_from_the_environment():
+    limits = Limits.from_environment(
+        {"STREAMDASH_MAX_STREAMS": " 500 ", "STREAMDASH_WORKERS": "", "HOME": "/"}
+    )
+    assert limits == Limits(max_streams=500)
     assert Limits(scheduler="tcp://somewhere:1").executor == "dask"
     for name, text in (("MAX_STREAMS", "many"), ("WORKERS", "0"), ("MAX_DISK_GB", "nan"), ("NICE", "-5")):
-        with pytest.MonkeyPatch.context() as environment:
-            environment.setenv(f"STREAMDASH_{name}", text)
-            with pytest.raises(ConfigError, match=f"^STREAMDASH_{name}: .*got '{text}'"):
-                Limits()
+        with pytest.raises(ConfigError, match=f"^STREAMDASH_{name}: .*got '{text}'"):
+            Limits.from_environment({f"STREAMDASH_{name}": text})
 
 
 def test_the_pace_leaves_out_how_long_workers_take_to_start():

