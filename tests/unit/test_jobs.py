@@ -172,15 +172,18 @@ def test_a_name_that_cannot_be_used_is_refused(config, start):
         start().submit(config, "me", "two\nlines")
 
 
-def test_limits_come_from_the_environment():
-    limits = Limits.from_environment(
-        {"STREAMDASH_MAX_STREAMS": " 500 ", "STREAMDASH_WORKERS": "", "HOME": "/"}
-    )
-    assert limits == Limits(max_streams=500)
+def test_limits_come_from_the_environment(monkeypatch):
+    default = Limits()
+    monkeypatch.setenv("STREAMDASH_MAX_STREAMS", " 500 ")
+    monkeypatch.setenv("STREAMDASH_WORKERS", "")
+    assert Limits() == default.model_copy(update={"max_streams": 500})
+    assert Limits(max_streams=7).max_streams == 7
     assert Limits(scheduler="tcp://somewhere:1").executor == "dask"
     for name, text in (("MAX_STREAMS", "many"), ("WORKERS", "0"), ("MAX_DISK_GB", "nan"), ("NICE", "-5")):
-        with pytest.raises(ConfigError, match=f"^STREAMDASH_{name}: .*got '{text}'"):
-            Limits.from_environment({f"STREAMDASH_{name}": text})
+        with pytest.MonkeyPatch.context() as environment:
+            environment.setenv(f"STREAMDASH_{name}", text)
+            with pytest.raises(ConfigError, match=f"^STREAMDASH_{name}: .*got '{text}'"):
+                Limits()
 
 
 def test_the_pace_leaves_out_how_long_workers_take_to_start():
