@@ -20,6 +20,8 @@ from panel.config import config
 from tornado.httputil import HTTPHeaders, HTTPServerRequest
 from tornado.web import OutputTransform
 
+from app.borrowed import sign_in_pages
+
 FREE_GUESSES = 5
 """Wrong passwords of one address before it has to wait."""
 LONGEST_LOCK_S = 300.0
@@ -110,8 +112,8 @@ class PasswordProvider(BasicAuthProvider):
     @property
     def login_handler(self) -> type[Login]:
         """Handler of ``/login``."""
-        Login._login_endpoint = self._login_endpoint
-        Login._login_template = self._login_template
+        for name, value in sign_in_pages(self).items():
+            setattr(Login, name, value)
         return Login
 
 

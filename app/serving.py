@@ -11,6 +11,7 @@ import panel as pn
 from bokeh.server.views.ws import WSHandler
 from panel.viewable import Viewable
 
+from app.borrowed import forget_view
 from app.guard import repair_curdoc, say_fault
 from app.pages.registry import PAGES
 from app.services.services import Services
@@ -47,7 +48,7 @@ def open_session(services: Services) -> Viewable:
 
     def end(_: Any) -> None:
         with contextlib.ExitStack() as stack:  # each of them, also when another one raises
-            stack.callback(forget, notifications)
+            stack.callback(forget_view, notifications)
             stack.callback(services.jobs.leave, session.visitor)
             stack.callback(shell.close)
             stack.callback(news.stop)
@@ -86,17 +87,6 @@ class News:
             self._marked = time.monotonic()
             for key in self.session.mass:
                 mark_used(self.services.cache, key)
-
-
-def forget(notifications: Any) -> None:
-    """Drop the process-wide entry of a session's notification area.
-
-    Panel 1.9.4 removes every other view of a session that ends but leaves this one, and with it
-    the session's document; ``tests/app/test_leaks.py`` fails when it stays.
-    """
-    views = pn.state._views
-    for ref in [ref for ref, (view, *_) in views.items() if view is notifications]:
-        del views[ref]
 
 
 def send_small_messages_at_once() -> None:

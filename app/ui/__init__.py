@@ -1,6 +1,6 @@
 """What pages are put together from: frame, layout, text and widgets."""
 
-from app.ui.frame import navigation, page_frame, unwatch_busy
+from app.ui.frame import navigation, page_frame
 from app.ui.layout import (
     WIDE,
     FigureCard,
@@ -73,5 +73,4 @@ __all__ = [
     "stream_picker",
     "text_field",
     "toggle",
-    "unwatch_busy",
 ]

@@ -1,4 +1,4 @@
-"""The frame around all pages: title bar, colours, navigation. Works around a fault of panel-material-ui."""
+"""The frame around all pages: title bar, colours, navigation."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import panel_material_ui as pmui
 from panel.viewable import Viewable
 
+from app.borrowed import component_code, unwatch_busy
 from app.ui.layout import WIDE
 
 FOCUS = {"outline": "3px solid #e69f00", "outlineOffset": "2px"}
@@ -64,28 +65,10 @@ def page_frame(main: Sequence[Viewable], dark: bool) -> pmui.Page:
         site_url=".",
         main_width=1600,
         css_classes=["sd-page"],
-        template=TEMPLATE % pmui.Page._render_esm(server=True),
+        template=TEMPLATE % component_code(),
     )
     unwatch_busy(page)
     return page
-
-
-def unwatch_busy(page: pmui.Page) -> None:
-    """Detach a page from the process-wide ``pn.state.busy``.
-
-    panel-material-ui 0.16.6 binds every `Page` to it: each callback of any session then walks every
-    session's model graph, and pages are never freed. The reference lives in param's private
-    bookkeeping; ``tests/app/test_leaks.py`` fails when this stops working.
-    """
-    private = page._param__private
-    private.refs = {name: ref for name, ref in private.refs.items() if name != "busy"}
-    kept = []
-    for names, watcher in private.ref_watchers:
-        if "busy" in names:
-            (watcher.cls if watcher.inst is None else watcher.inst).param.unwatch(watcher)
-        else:
-            kept.append((names, watcher))
-    private.ref_watchers = kept
 
 
 def navigation(pages: Sequence[tuple[str, Viewable]], active: int) -> pmui.Tabs:

@@ -10,6 +10,7 @@ import panel_material_ui as pmui
 import param
 from panel.viewable import Viewable
 
+from app.borrowed import gather_events_for
 from app.page import Page
 from app.session.catalog import CLASSES_MAX, CLASSES_MIN
 from app.ui.layout import WIDE
@@ -31,7 +32,7 @@ def slider(page: Page, name: str, label: str, step: float = 0.01, **params: Any)
     low, high = page.session.param[name].bounds
     choices = {"start": low, "end": high, "format": "0.00", **params}
     widget = pmui.FloatSlider(label=label, step=step, **_sized(name, choices))
-    _answer_at_once(widget)
+    gather_events_for(widget, SLIDER_DELAY)
     return page.bind(name, widget, to_session=lambda value: round(value, 3))
 
 
@@ -42,13 +43,8 @@ def int_slider(
     low, high = page.session.param[name].get_soft_bounds()
     start, end = low if start is None else start, high if end is None else end
     widget = pmui.IntSlider(label=label, start=start, end=end, **_sized(name, params))
-    _answer_at_once(widget)
+    gather_events_for(widget, SLIDER_DELAY)
     return page.bind(name, widget, to_widget=lambda value: min(max(value, start), end))
-
-
-def _answer_at_once(widget: Any) -> None:
-    """Shorten the time in which Panel gathers a widget's events, for this one widget."""
-    widget._debounce = SLIDER_DELAY
 
 
 def number_slider(label: str, start: int, end: int, value: int, name: str) -> pmui.IntSlider:
