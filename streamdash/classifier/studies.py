@@ -81,9 +81,9 @@ class Curve:
         return cls(
             np.asarray(x, float),
             np.array([s.values["overall_accuracy"] for s in scores]),
-            np.array([s.errors["overall_accuracy"] for s in scores]),
+            np.array([s.half_interval("overall_accuracy") for s in scores]),
             np.array([s.values["recall"] for s in scores]),
-            np.array([s.errors["recall"] for s in scores]),
+            np.array([s.half_interval("recall") for s in scores]),
         )
 
 

@@ -160,7 +160,7 @@ def convergence_markdown(found: Sequence[Measured], spent: Cost) -> str:
 
 
 def _shift_text(shift: Shift) -> str:
-    return f"{shift.mean:+.2f} ± {shift.error:.2f} at {DECADE_WORDS[shift.decade]}"
+    return f"{shift.mean:+z.2f} ± {shift.error:.2f} at {DECADE_WORDS[shift.decade]}"
 
 
 def _section(one: Measured) -> list[str]:
@@ -177,7 +177,7 @@ def _section(one: Measured) -> list[str]:
     for i, found in enumerate(one.spectra):
         columns = (("density", True), *((kind, False) for kind in KINDS))
         pairs = [[one.verdict.of(i, kind, name, seen) for name in DECADES] for kind, seen in columns]
-        cells = [" / ".join(f"{s.mean:+.2f}" if s else "–" for s in pair) for pair in pairs]
+        cells = [" / ".join(f"{s.mean:+z.2f}" if s else "–" for s in pair) for pair in pairs]
         if one.knob.settings[i].reference == i:
             cells = ["compared with"] * len(columns)
         lines.append(f"| {labels[i]} | {found.mean_impacts:.0f} | {found.cost_s:.0f} | {' | '.join(cells)} |")

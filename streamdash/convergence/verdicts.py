@@ -222,7 +222,7 @@ def verdict_sentence(knob: ConvergenceTest, verdict: Outcome) -> str:
     worst = verdict.worst
     observed = (
         f"as observed (σ_ε = {NOISE:g}), {_pair(labels, worst)} shifts the density spectrum at "
-        f"{DECADE_WORDS[worst.decade]} by {worst.mean:+.2f} ± {worst.error:.2f} half bands of signal "
+        f"{DECADE_WORDS[worst.decade]} by {worst.mean:+z.2f} ± {worst.error:.2f} half bands of signal "
         "and noise"
     )
     clean = _clean_sentence(labels, verdict.worst_clean)
@@ -243,7 +243,7 @@ def verdict_sentence(knob: ConvergenceTest, verdict: Outcome) -> str:
 
 def _clean_sentence(labels: Sequence[str], shift: Shift) -> str:
     return (
-        f" Without noise, which no telescope sees, the largest mean shift is {shift.mean:+.2f} ± "
+        f" Without noise, which no telescope sees, the largest mean shift is {shift.mean:+z.2f} ± "
         f"{shift.error:.2f} half bands of the streams' own scatter ({_pair(labels, shift)}, "
         f"{SPECTRUM_WORDS[shift.kind]} spectrum, {DECADE_WORDS[shift.decade]}): {shift.word}."
     )

@@ -7,6 +7,7 @@ import numpy as np
 from streamdash.observe.guess import Assumptions, Kind
 from streamdash.observe.names import is_right_ascension
 from streamdash.observe.table import ObservationError, shown
+from streamdash.words import is_or_are, number_of
 
 RADIANS = 7.0
 """Positions that are all smaller than this are not degrees on the stream."""
@@ -107,7 +108,10 @@ def check_values(
         raise ObservationError(f"No value of {column} is positive: there is no stream in it.")
     n_low = int(np.count_nonzero(value <= 0))
     if n_low:
-        notes.append(f"{n_low} values of “{shown(name)}” are zero or negative within their errors; kept.")
+        notes.append(
+            f"{number_of(n_low, 'value')} of “{shown(name)}” {is_or_are(n_low)} zero or negative within the "
+            "errors; kept."
+        )
 
 
 def check_errors(error: np.ndarray, lines: np.ndarray, name: str) -> None:

@@ -24,8 +24,9 @@ from streamdash.observe.checks import (
 from streamdash.observe.guess import ERROR_UNITS, KINDS, Assumptions, assume, open_questions
 from streamdash.observe.stars import counted
 from streamdash.observe.table import ObservationError, Table, read_table, shown
-from streamdash.survey.design import AS_IS, FLOOR, Design, Quantity, polynomial_fit, smooth_curve, window
-from streamdash.survey.sky import coordinates
+from streamdash.survey.design import AS_IS, Design, Quantity, divisible, polynomial_fit, smooth_curve, window
+from streamdash.survey.sky import coordinates, to_theta
+from streamdash.words import NEAR_PROGENITOR, is_or_are, number_of
 
 MIN_BINS = 8
 """Fewest bins a profile must have within the simulated stretch."""
@@ -58,6 +59,8 @@ class Observation:
         Bins beyond the simulated stretch of the stream.
     n_missing : int
         Bins within it that have no value.
+    n_near : int
+        Bins with a part nearer to the progenitor than `NEAR_PROGENITOR`.
     """
 
     assumptions: Assumptions
@@ -68,6 +71,7 @@ class Observation:
     n_rows: int
     n_outside: int
     n_missing: int
+    n_near: int = 0
 
     @property
     def stated(self) -> tuple[str, ...]:
@@ -127,20 +131,30 @@ def interpret(table: Table, assumptions: Assumptions, geometry: Geometry) -> Obs
     n_outside = int(np.count_nonzero(~inside))
     if n_outside:
         notes.append(
-            f"{n_outside} of {len(low)} rows lie outside the simulated stretch of the stream, "
-            f"{NAMES[a.coordinate]} = {limits[0]:.1f}° to {limits[1]:.1f}°, and are left out."
+            f"{n_outside} of {number_of(len(low), 'row')} {'lies' if n_outside == 1 else 'lie'} outside the "
+            "simulated stretch of the stream, "
+            f"{NAMES[a.coordinate]} = {limits[0]:.1f}° to {limits[1]:.1f}°, and "
+            f"{is_or_are(n_outside)} left out."
         )
     present = ~np.isnan(value)
     n_missing = int(np.count_nonzero(inside & ~present))
     if n_missing:
-        notes.append(f"{n_missing} rows have no value of “{shown(a.value)}” and are treated as gaps.")
+        notes.append(
+            f"{number_of(n_missing, 'row')} {'has' if n_missing == 1 else 'have'} no value of "
+            f"“{shown(a.value)}” and {is_or_are(n_missing)} "
+            f"treated as {'a gap' if n_missing == 1 else 'gaps'}."
+        )
     used = inside & present
     _check_count(int(used.sum()), n_outside)
     _ask(table, a, *a.undecided)
     rows, low, high, value, lines = rows[used], low[used], high[used], value[used], lines[used]
     relative, error = _values_and_errors(table, a, rows, high - low, notes)
-    design, q = _design(a, low, high, relative, error)
-    return Observation(assumptions, a, design, q, tuple(notes), len(present), n_outside, n_missing)
+    design, q = _design(a, low, high, relative, error, notes)
+    a = a.model_copy(update={"order": design.order})
+    ends = [to_theta(geometry, end, design.coordinate) for end in (design.low, design.high)]
+    n_near = int(np.count_nonzero(np.min(ends, axis=0) < NEAR_PROGENITOR))
+    counts = (len(present), n_outside, n_missing, n_near)
+    return Observation(assumptions, a, design, q, tuple(notes), *counts)
 
 
 def _ask(table: Table, a: Assumptions, *fields: str) -> None:
@@ -243,9 +257,10 @@ def _refuse_first(wrong: np.ndarray, lines: np.ndarray, name: str, words: str) -
 
 def _check_count(n: int, n_outside: int) -> None:
     if n < MIN_BINS:
+        lie, lies = (("lies" if many == 1 else "lie") for many in (n, n_outside))
         raise ObservationError(
-            f"Only {n} bins with a value lie within the simulated stretch of the stream"
-            f"{f' ({n_outside} lie outside)' if n_outside else ''}; at least {MIN_BINS} are needed."
+            f"Only {number_of(n, 'bin')} with a value {lie} within the simulated stretch of the stream"
+            f"{f' ({n_outside} {lies} outside)' if n_outside else ''}; at least {MIN_BINS} are needed."
         )
     if n > MAX_BINS:
         raise ObservationError(f"{n} bins are more than the {MAX_BINS} that are compared; average some.")
@@ -301,9 +316,18 @@ def _values_and_errors(
 
 
 def _design(
-    a: Assumptions, low: np.ndarray, high: np.ndarray, value: np.ndarray, error: np.ndarray | None
+    a: Assumptions,
+    low: np.ndarray,
+    high: np.ndarray,
+    value: np.ndarray,
+    error: np.ndarray | None,
+    notes: list[str],
 ) -> tuple[Design, np.ndarray]:
-    """The design and the divided values; errors become relative to the smooth curve."""
+    """The design and the divided values; errors become relative to the smooth curve.
+
+    Where a polynomial of the order that was asked for follows the bins too closely or comes close to zero,
+    the highest lower order that does not is taken, and a note says so.
+    """
     ratio = a.kind == "q_rho" or a.smooth is not None
     if a.order == AS_IS and not ratio:
         raise ObservationError(
@@ -312,20 +336,10 @@ def _design(
         )
     quantity: Quantity = "q_rho" if ratio else "density"
     curve = np.ones(len(value))
+    order = a.order
     if a.order != AS_IS and a.kind != "detrended":
-        if a.order + 2 > len(value) // 2:
-            raise ObservationError(
-                f"A polynomial of order {a.order} would follow {len(value)} bins too closely; choose a lower "
-                "order."
-            )
-        fit = polynomial_fit(0.5 * (low + high), a.order)
-        raw = fit @ value
-        curve = smooth_curve(value, fit)
-        if value.mean() <= 0 or np.any(raw < FLOOR * value.mean()):
-            raise ObservationError(
-                f"The polynomial of order {a.order} fitted to “{shown(a.value)}” comes close to zero or "
-                "below; choose another order."
-            )
+        order = _usable_order(a, 0.5 * (low + high), value, notes)
+        curve = smooth_curve(value, polynomial_fit(0.5 * (low + high), order))
     sigma = np.full(len(value), a.constant) if error is None else error / curve
     if not np.median(sigma) <= 1.0:
         raise ObservationError(
@@ -337,4 +351,23 @@ def _design(
             f"The errors run from {sigma.min():.2g} to {sigma.max():.2g} of the smooth curve; leave bins "
             "beyond 100 out, and give errors of at least 0.0001."
         )
-    return Design(a.coordinate, low, high, sigma, quantity, a.order), value / curve
+    return Design(a.coordinate, low, high, sigma, quantity, order), value / curve
+
+
+def _usable_order(a: Assumptions, x: np.ndarray, value: np.ndarray, notes: list[str]) -> int:
+    """The order of the polynomial to divide by: the one asked for, or the highest lower one that works."""
+    close = [order for order in range(a.order, -1, -1) if order + 2 <= len(value) // 2]
+    for order in close:
+        if divisible(value, polynomial_fit(x, order)):
+            break
+    else:
+        raise ObservationError(
+            f"“{shown(a.value)}” is not positive on average: there is no smooth curve to divide it by."
+        )
+    if order < a.order:
+        why = "comes close to zero or below" if close[0] == a.order else "follows so few bins too closely"
+        notes.append(
+            f"A polynomial of order {a.order} fitted to “{shown(a.value)}” {why}; one of order {order} is "
+            "divided out instead, of data and simulations alike."
+        )
+    return order

@@ -18,6 +18,7 @@ from streamdash.observe.provenance import provenance, provenance_words
 from streamdash.observe.resemblance import DOUBTFUL, UNLIKE
 from streamdash.observe.verdict import Prepared, Verdict
 from streamdash.statistics.evidence import jeffreys
+from streamdash.words import NEAR_PROGENITOR, PROGENITOR_WORDS, number_of, percent_between
 
 DECIDED = 0.75
 """Below this probability of the best class the profile is said not to decide."""
@@ -46,6 +47,7 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
     """
     scores, likeness, evidence = verdict.judged.scores, verdict.resemblance, verdict.evidence
     accuracy, accuracy_error = verdict.accuracy
+    accuracy_low, accuracy_high = (float(end) for end in scores.interval("overall_accuracy"))
     classes = []
     for c, label in enumerate(verdict.labels):
         classes.append(
@@ -82,16 +84,19 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
         "quality": {
             "accuracy": accuracy,
             "accuracy_error": accuracy_error,
+            "accuracy_low": accuracy_low,
+            "accuracy_high": accuracy_high,
             "confusion": scores.counts.tolist(),
             "precision": scores.values["precision"].tolist(),
             "calibration_error": float(scores.values["ece"]),
             "pdf_accuracy": evidence.accuracy,
             "n_held_out": int(scores.counts.sum()),
             "n_streams": [len(q) for q in prepared.streams.q],
+            "refused": list(prepared.refused),
         },
         "assumptions": list(observation.stated),
         "columns": observation.assumptions.model_dump(),
-        "caveats": caveats(observation),
+        "caveats": caveats(observation, prepared),
         "ensembles": list(prepared.streams.keys),
         "provenance": provenance(prepared.streams.configs, prepared.streams.n_impacts),
         "profile": {
@@ -326,20 +331,28 @@ def evidence_words(entry: dict[str, Any], result: dict[str, Any]) -> str:
     if value == 0:
         return "preferred"
     most = float(np.log(min(result["quality"]["n_streams"])))
-    shown = f"ln B = {value:.1f} ± {entry['ln_bayes_error']:.1f}"
+    shown = f"ln B = {value:z.1f} ± {entry['ln_bayes_error']:.1f}"
     if value < -most:
         shown = f"ln B < −{most:.1f}, all that the simulations can resolve"
     return f"{jeffreys(value)} against it ({shown.replace('= -', '= −')})"
 
 
-def caveats(observation: Observation) -> list[str]:
+def caveats(observation: Observation, prepared: Prepared) -> list[str]:
     """What the answer does not cover, one sentence each."""
     design = observation.design
     outside = (
-        f" {observation.n_outside} rows of the table lie outside and were not used."
+        f" {number_of(observation.n_outside, 'row')} of the table "
+        f"{'lies outside and was' if observation.n_outside == 1 else 'lie outside and were'} not used."
         if observation.n_outside
         else ""
     )
+    n_streams = [len(q) for q in prepared.streams.q]
+    n_near = observation.n_near
+    bins = f"{n_near} of {number_of(design.n_bin, 'bin')} {'is' if n_near == 1 else 'are'}"
+    near = [f"{bins} within θ∥ = {NEAR_PROGENITOR:g} of the progenitor. {PROGENITOR_WORDS}"] if n_near else []
+    simulated = ""
+    if max(n_streams) > min(n_streams):
+        simulated = f", though {' and '.join(map(str, n_streams))} streams of them were simulated"
     unseen = (
         ["A polynomial was divided out: perturbations as broad as its waves are lost, in simulations too."]
         if design.order > 0
@@ -352,10 +365,31 @@ def caveats(observation: Observation) -> list[str]:
         "the measured stream has a history of its own.",
         "Only dark perturbers of the compared mass ranges at the rates simulated are considered; molecular "
         "clouds, spiral arms, the bar and globular clusters also make gaps and are not modelled.",
-        "All classes are taken to be equally likely beforehand; mixtures of them are not considered.",
+        f"All classes are taken to be equally likely beforehand{simulated}; mixtures are not considered.",
         "Errors are taken to be Gaussian, one standard deviation, and independent from bin to bin.",
         *unseen,
+        *_refused(prepared),
+        *near,
     ]
+
+
+def _refused(prepared: Prepared) -> list[str]:
+    if max(prepared.refused, default=0.0) < 0.01:
+        return []
+    shares = " and ".join(
+        f"{percent(share)} of {label_text(label)}"
+        for label, share in zip(prepared.streams.labels, prepared.refused, strict=True)
+        if share >= 0.01
+    )
+    return [
+        f"The polynomial of order {prepared.design.order} comes close to zero for {shares}: such streams "
+        "would be divided by a lower order, and are neither learnt from nor counted here."
+    ]
+
+
+def right_share(quality: dict[str, Any]) -> str:
+    """Share of held-out streams put right, with its 68 % interval."""
+    return percent_between(quality["accuracy"], quality["accuracy_low"], quality["accuracy_high"])
 
 
 def text(result: dict[str, Any]) -> str:
@@ -380,7 +414,7 @@ def text(result: dict[str, Any]) -> str:
     for label, row in zip(labels, quality["confusion"], strict=True):
         lines.append(f"  true {label:{width}} " + "".join(f"{n:{cell}d}" for n in row))
     lines.append(
-        f"  right: {100 * quality['accuracy']:.1f} ± {100 * quality['accuracy_error']:.1f} %; calibration "
+        f"  right: {right_share(quality)}; calibration "
         f"error {quality['calibration_error']:.3f}; PDF evidence alone: "
         f"{100 * quality['pdf_accuracy']:.1f} % right"
     )
@@ -397,4 +431,6 @@ def text(result: dict[str, Any]) -> str:
 def truth_words(known: dict[str, Any]) -> str:
     """What a mock observation really is."""
     mass = mass_text(parse_mass_range(mass_label(parse_mass_range(str(known["mass_range"])))))
-    return f"The truth: a simulated stream hit by {int(known['n_impacts'])} perturbers of {mass}."
+    return (
+        f"The truth: a simulated stream hit by {number_of(int(known['n_impacts']), 'perturber')} of {mass}."
+    )

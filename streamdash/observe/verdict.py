@@ -32,11 +32,13 @@ from streamdash.observe.resemblance import Likeness, Resemblance, learn_likeness
 from streamdash.statistics.features import FeatureMap
 from streamdash.statistics.scores import evaluate
 from streamdash.store.cache import Cache
-from streamdash.survey.design import Design, divided
+from streamdash.survey.design import Design, divided, divisible
 from streamdash.survey.observed import ObservedStreams
 
 N_MODELS = 8
 """Models trained on resampled streams; their spread is part of the uncertainty."""
+FEWEST = 10
+"""Streams of a class in every set, without which none are left out."""
 BAND = (0.16, 0.84)
 """Ends of the interval that is quoted for a probability (68 %)."""
 
@@ -62,6 +64,9 @@ class Prepared:
     replicas : Replicas
     free : FreeAbundance or None
         The classes with their abundance free, where the cache has such streams.
+    refused : tuple of float
+        Share of each class's streams whose polynomial comes close to zero: measured, they would not be
+        divided by one of this order, so that they are neither learnt from nor scored.
     """
 
     design: Design
@@ -73,6 +78,7 @@ class Prepared:
     pdfs: PdfJudge
     replicas: Replicas
     free: FreeAbundance | None = None
+    refused: tuple[float, ...] = ()
 
     def answers(self, q: np.ndarray) -> np.ndarray:
         """Every member's probabilities of profiles (…, n_bin): (n_models, …, n_classes)."""
@@ -176,7 +182,7 @@ def learn(
     """`prepare` for streams that are observed already."""
     design, smooth = check_classes(streams).design, streams.smooth
     steps = _Steps(progress, should_stop, 4 + N_MODELS)
-    sets = split(streams.y, settings.seed)
+    sets, refused = _accepted(split(streams.y, settings.seed), streams)
     known = np.concatenate([sets.train, sets.validation])
     judged = train(streams, design.sigma, settings, steps.within(4), should_stop, sets=sets)
     models = [judged.classifier]
@@ -197,7 +203,15 @@ def learn(
     )
     committee = _committee(judged, models, streams.observed(design.sigma)[sets.test])
     return Prepared(
-        design, streams, divided(smooth, design.fit), tuple(models), committee, likeness, pdfs, replicas
+        design,
+        streams,
+        divided(smooth, design.fit),
+        tuple(models),
+        committee,
+        likeness,
+        pdfs,
+        replicas,
+        refused,
     )
 
 
@@ -231,6 +245,21 @@ def _band(samples: np.ndarray, answer: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """Ends of the quoted interval; the answer itself is always inside."""
     low, high = np.quantile(samples, BAND, axis=0)
     return np.minimum(low, answer), np.maximum(high, answer)
+
+
+def _accepted(sets: Split, streams: ObservedStreams) -> tuple[Split, tuple[float, ...]]:
+    """The sets without streams that would be refused when measured, and the share of those by class.
+
+    Nothing is left out where too few of a class would remain to learn from.
+    """
+    noisy = np.concatenate(streams.densities())
+    fine = divisible(noisy, streams.design.fit)
+    classes = range(len(streams.labels))
+    kept = Split(*(rows[fine[rows]] for rows in (sets.train, sets.validation, sets.test)))
+    smallest = (kept.validation, kept.test)
+    few = min(np.count_nonzero(streams.y[rows] == c) for c in classes for rows in smallest)
+    refused = tuple(float(1 - fine[streams.y == c].mean()) for c in classes)
+    return (sets, tuple(0.0 for _ in classes)) if few < FEWEST else (kept, refused)
 
 
 def _as_many_of_each(rows: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from streamdash.classifier.model import BEST, PAPER, PAPER_CLASSES, ClassifierCo
 from streamdash.classifier.studies import grid_search
 from streamdash.classifier.train import Judged, train
 from streamdash.config import EnsembleConfig
+from streamdash.statistics.scores import Scores
 from streamdash.store.cache import Cache
 from streamdash.survey.observed import ObservedStreams
 
@@ -141,15 +142,16 @@ def _set_markdown(part: Mapping[str, Any], noise: float, seeds: Sequence[int]) -
         "| class | method | precision | recall | F1 |",
         "|---|---|---|---|---|",
     ]
+    scores = {n: Scores(np.array(m["counts"]), m["values"], m["errors"]) for n, m in methods.items()}
     for c, label in enumerate(labels):
-        for name, method in methods.items():
-            cells = [f"{method['values'][m][c]:.3f} ± {method['errors'][m][c]:.3f}" for m in METRICS]
+        for name, score in scores.items():
+            cells = [score.text(m, c) for m in METRICS]
             lines.append(f"| {label} | {name} | {' | '.join(cells)} |")
         lines.append(f"| {label} | paper | {' | '.join(f'{sign}{paper[m][c]:.2f}' for m in METRICS)} |")
     for name, method in methods.items():
-        values, errors = method["values"], method["errors"]
+        values = method["values"]
         lines += [
-            f"\n**{name}**: accuracy {values['overall_accuracy']:.4f} ± {errors['overall_accuracy']:.4f}"
+            f"\n**{name}**: accuracy {scores[name].text('overall_accuracy', digits=4)}"
             f"{_paper_accuracy(paper)}, calibration error {values['ece']:.3f}; over seeds "
             f"{', '.join(map(str, seeds))}: accuracy {_series(method['accuracies'])}, lowest recall "
             f"{_series(method['lowest_recalls'])}, calibration error "

@@ -85,10 +85,10 @@ def _central(results: dict[str, Any]) -> str:
     for i, j in ((0, 1), (1, 0)):
         rows = [_pair(table, i, j) for table in tables]
         name = f"{two['labels'][i]}, against {two['labels'][j]}"
-        lines.append([f"Σ ln B, fiducial {name}", *(f"{r['sum']:.1f} ± {r['error']:.1f}" for r in rows)])
+        lines.append([f"Σ ln B, fiducial {name}", *(f"{r['sum']:z.1f} ± {r['error']:.1f}" for r in rows)])
         lines.append(["of which scatter over draws", *(f"{r['draw_error']:.1f}" for r in rows)])
         lines.append([f"held-out streams of {two['labels'][i]} put right", *(_share(r) for r in rows)])
-        lines.append(["their ln likelihood ratio, median", *(f"{r['ln_ratio']:.1f}" for r in rows)])
+        lines.append(["their ln likelihood ratio, median", *(f"{r['ln_ratio']:z.1f}" for r in rows)])
     drawn = {rules: [_pair(t, 0, 1)["draw_error"] for t in two[rules]] for rules in ("tables", "central")}
     return (
         "The range of Qρ by the paper’s rule ends at the two most extreme values of thousands of streams, so "
@@ -227,9 +227,9 @@ def _certainty(results: dict[str, Any]) -> str:
         half = max(k for k, size in enumerate(n) if size <= n[-1] / 2 or k == 0)
         settled = abs(mean[-1] - mean[half]) < 0.05 * abs(mean[-1])
         lines.append(
-            f"Fiducial {two['labels'][curve['i']]}, N_bin = {growth['n_bin']}: {mean[0]:.1f} from {n[0]} "
+            f"Fiducial {two['labels'][curve['i']]}, N_bin = {growth['n_bin']}: {mean[0]:z.1f} from {n[0]} "
             "streams, "
-            f"{mean[half]:.1f} from {n[half]}, {mean[-1]:.1f} from {n[-1]} ({kept[0]:.1f}, "
+            f"{mean[half]:z.1f} from {n[half]}, {mean[-1]:z.1f} from {n[-1]} ({kept[0]:.1f}, "
             f"{kept[half]:.1f} and "
             f"{kept[-1]:.1f} bins in the sum): "
             + (

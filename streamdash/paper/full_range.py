@@ -22,6 +22,7 @@ from streamdash.engine.impacts import expected_impacts
 from streamdash.paper.statistics import PDF, POWER, STATISTICS, information, ln_b_text, statistics_evidence
 from streamdash.populations import cold, with_excess
 from streamdash.simulation.geometry import load_geometry
+from streamdash.statistics.scores import share_text
 from streamdash.store.cache import Cache, StoreError
 from streamdash.survey.observed import ObservedStreams
 
@@ -152,7 +153,7 @@ def full_range_markdown(results: Mapping[str, Any]) -> str:
         cells = [f"{row['excess']:g}", f"{row['noise']:g}"]
         for name in ("best", "spectrum"):
             one = row[name]
-            cells.append(f"{one['accuracy']:.3f} ± {one['accuracy_error']:.3f}")
+            cells.append(share_text(one["accuracy"], row["n_test"]))
             cells.append(f"{one['bits']:.3f} ± {one['bits_error']:.3f}")
         for name in ("evidence", "spectrum_evidence"):
             cells.append(", ".join(ln_b_text(b["ln_b"], b["n_unresolved"]) for b in row[name]))

@@ -23,6 +23,7 @@ from streamdash.classifier.train import Judged, Progress, ShouldStop, train
 from streamdash.statistics.features import FeatureMap, FeatureSet
 from streamdash.statistics.joint import JointEvidence, joint_evidence
 from streamdash.statistics.pdf import measure_pdfs
+from streamdash.statistics.scores import share_text
 from streamdash.statistics.spectrum import power_spectrum
 from streamdash.survey.observed import ObservedStreams
 
@@ -199,8 +200,9 @@ def statistics_markdown(numbers: Mapping[str, Any]) -> str:
     ]
     for row in numbers["statistics"]:
         evidence = [ln_b_text(e["ln_b"], e["n_unresolved"]) for e in row["evidence"]] or ["–"] * len(pairs)
+        accuracy = share_text(row["accuracy"], numbers["n_test"], digits=4)
         lines.append(
-            f"| {row['name']} | {row['n_features']} | {row['accuracy']:.4f} ± {row['accuracy_error']:.4f} "
+            f"| {row['name']} | {row['n_features']} | {accuracy} "
             f"| {row['bits']:.3f} ± {row['bits_error']:.3f} | {' | '.join(evidence)} |"
         )
     return "\n".join(lines) + "\n"
@@ -208,4 +210,4 @@ def statistics_markdown(numbers: Mapping[str, Any]) -> str:
 
 def ln_b_text(value: float, n_unresolved: int) -> str:
     """ln B as text, with a star where not all components are resolved by the streams there are."""
-    return f"{value:.1f}{'*' if n_unresolved else ''}"
+    return f"{value:z.1f}{'*' if n_unresolved else ''}"

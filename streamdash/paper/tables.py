@@ -90,7 +90,7 @@ def pairs_markdown(part: dict[str, Any], pairs: Sequence[tuple[int, int]]) -> st
     for i, j in pairs:
         rows = [next(p for p in t["pairs"] if (p["i"], p["j"]) == (i, j)) for t in part["tables"]]
         name = f"fiducial {part['labels'][i]}, against {part['labels'][j]}"
-        lines.append([f"Σ ln B, {name}", *(f"{r['sum']:.1f} ± {r['error']:.1f}" for r in rows)])
+        lines.append([f"Σ ln B, {name}", *(f"{r['sum']:z.1f} ± {r['error']:.1f}" for r in rows)])
         if "paper" in rows[0]:
             lines.append(["the paper’s", *(f"{r['paper']:.1f}" for r in rows)])
         lines.append(["all bins together, correlations included", *(joint_text(r) for r in rows)])
@@ -101,4 +101,4 @@ def joint_text(pair: dict[str, Any]) -> str:
     """Evidence from all bins together, marked where not all of its components are resolved."""
     if not pair["n_components"]:
         return "no overlap"
-    return f"{pair['joint']:.1f}{'*' if pair['n_unresolved'] else ''}"
+    return f"{pair['joint']:z.1f}{'*' if pair['n_unresolved'] else ''}"

@@ -21,6 +21,8 @@ SELECTED = "selected"
 _CORNERS = ("left", "bottom", "right", "top")
 METRICS = {"precision": "Precision", "recall": "Recall", "f1": "F₁", "accuracy": "Accuracy", "auc": "AUC"}
 SHOWN_STREAMS = 4
+UNEQUAL = 1.5
+"""Classes whose numbers of streams differ by this factor are said to be unequal."""
 """Streams of a cell that are drawn, the least certain first."""
 
 
@@ -115,16 +117,27 @@ def matrix_table(judged: Judged) -> pd.DataFrame:
 def matrix_sentence(judged: Judged) -> str:
     """What the matrix shows, in one or two sentences."""
     scores, names = judged.scores, class_names(judged.classifier.card.labels)
-    accuracy, error = scores.values["overall_accuracy"], scores.errors["overall_accuracy"]
     text = (
-        f"Of {len(judged.y)} streams that were never trained on, {100 * accuracy:.1f} ± {100 * error:.1f} % "
+        f"Of {len(judged.y)} streams that were never trained on, {scores.percent_text('overall_accuracy')} "
         f"are put in the right class (σ_ε = {_noise_text(judged)})."
     )
+    text += unequal_words(names, judged.classifier.card.n_streams)
     wrong = scores.counts - np.diag(np.diag(scores.counts))
     if not wrong.any():
         return f"{text} None is wrong."
     i, j = np.unravel_index(wrong.argmax(), wrong.shape)
     return f"{text} The most common mistake: {wrong[i, j]} of {names[i]} taken for {names[j]}."
+
+
+def unequal_words(names: Sequence[str], n_streams: Sequence[int]) -> str:
+    """What classes of unequal numbers of streams mean for the probabilities; empty where they are alike."""
+    if max(n_streams) < UNEQUAL * min(n_streams):
+        return ""
+    numbers = ", ".join(f"{n} of {name}" for n, name in zip(n_streams, names, strict=True))
+    return (
+        f" There are {numbers}: classes weigh the same in training, so that each is as probable as any other "
+        "beforehand, but this share counts streams as they come, and the smallest class is known least."
+    )
 
 
 # ---------------------------------------------------------------- ROC and calibration
@@ -153,8 +166,7 @@ def roc_table(judged: Judged) -> pd.DataFrame:
 def roc_sentence(judged: Judged) -> str:
     """Areas under the curves, in one sentence."""
     names = class_names(judged.classifier.card.labels)
-    values, errors = judged.scores.values["auc"], judged.scores.errors["auc"]
-    areas = (f"{n}: {v:.4f} ± {e:.4f}" for n, v, e in zip(names, values, errors, strict=True))
+    areas = (f"{n}: {judged.scores.text('auc', c, digits=4)}" for c, n in enumerate(names))
     return f"Area under the curve (1 is perfect, 0.5 is guessing): {'; '.join(areas)}."
 
 

@@ -17,6 +17,8 @@ from streamdash.plots.style import COORDINATE_LABELS
 
 SIZE_LABEL = "Simulated streams per class"
 NOISE_LABEL = "Shot noise σ_ε per 0.2° bin"
+WORTH = 0.01
+"""A gain in accuracy below this is hardly a help."""
 DEAD = 0.9
 """Accuracy below which a sentence says that the method no longer tells the classes apart well."""
 
@@ -56,11 +58,16 @@ def learning_sentence(curve: Curve) -> str:
     """Whether more simulations would help, in one sentence."""
     gain = curve.accuracy[-1] - curve.accuracy[-2]
     error = np.hypot(curve.accuracy_error[-1], curve.accuracy_error[-2])
-    more = "more streams would still help" if gain > error else "more streams would hardly help"
+    if gain > 2 * error:
+        more = "more streams would still help"
+    elif gain + 2 * error < WORTH:
+        more = "more streams would hardly help"
+    else:
+        more = "too little to tell from these test streams whether more would help"
     return (
         f"Accuracy rises from {100 * curve.accuracy[0]:.1f} % with {curve.x[0]:.0f} streams per class to "
         f"{100 * curve.accuracy[-1]:.1f} ± {100 * curve.accuracy_error[-1]:.1f} % with {curve.x[-1]:.0f}; "
-        f"the last doubling brought {100 * gain:+.1f} ± {100 * error:.1f} %: {more}."
+        f"the last doubling brought {100 * gain:+z.1f} ± {100 * error:.1f} %: {more}."
     )
 
 
@@ -203,11 +210,12 @@ def comparison_table(contenders: Sequence[Contender], labels: Sequence[str]) -> 
     """One row per contender, best first."""
     rows = []
     for contender in _ordered(contenders):
-        values, errors = contender.scores.values, contender.scores.errors
+        values = contender.scores.values
         row = {
             "name": contender.name,
             "accuracy": values["overall_accuracy"],
-            "accuracy_error": errors["overall_accuracy"],
+            "accuracy_low": float(contender.scores.interval("overall_accuracy")[0]),
+            "accuracy_high": float(contender.scores.interval("overall_accuracy")[1]),
             "log_loss": values["log_loss"],
             "calibration_error": values["ece"],
             "seconds": contender.seconds,

@@ -15,6 +15,7 @@ from streamdash.plots.elements import error_bars, framed, level_lines, line, nic
 from streamdash.plots.live import Backend, use
 from streamdash.plots.style import INK
 from streamdash.statistics.cumulative import paper_value
+from streamdash.words import number_of
 
 Tables = Sequence[dict[str, Any]]
 """Result of `streamdash.statistics.cumulative.cumulative_tables`."""
@@ -121,8 +122,8 @@ def sentence(tables: Tables, fiducial: int, configs: Sequence[EnsembleConfig]) -
             continue
         low, high = tables[0]["n_bin"], tables[-1]["n_bin"]
         parts.append(
-            f"against {name} the plain sum goes from {ends[0]['sum']:.1f} at {low} bins to "
-            f"{ends[1]['sum']:.1f} at {high}, all bins together from {_joint(ends[0])} to "
+            f"against {name} the plain sum goes from {ends[0]['sum']:z.1f} at {number_of(low, 'bin')} to "
+            f"{ends[1]['sum']:z.1f} at {high}, all bins together from {_joint(ends[0])} to "
             f"{_joint(ends[1])}"
         )
     return (
@@ -134,15 +135,15 @@ def sentence(tables: Tables, fiducial: int, configs: Sequence[EnsembleConfig]) -
 
 def _joint(pair: dict[str, Any]) -> str:
     """Evidence from all bins together, marked where it hangs on bins that the streams hardly fill."""
-    return f"{pair['joint']:.1f}{UNRESOLVED if pair['n_unresolved'] else ''}"
+    return f"{pair['joint']:z.1f}{UNRESOLVED if pair['n_unresolved'] else ''}"
 
 
 def _held_out_words(tables: Tables, fiducial: int) -> str:
     """What streams that were held out say at the number of bins nearest to 20."""
     table = min(tables, key=lambda t: abs(t["n_bin"] - 20))
     parts = [
-        f"{share(pair)} are put right against M{pair['j']} (ln likelihood ratio {pair['ln_ratio']:.1f}, "
-        f"{pair['ln_ratio_low']:.1f} to {pair['ln_ratio_high']:.1f})"
+        f"{share(pair)} are put right against M{pair['j']} (ln likelihood ratio {pair['ln_ratio']:z.1f}, "
+        f"{pair['ln_ratio_low']:z.1f} to {pair['ln_ratio_high']:z.1f})"
         for pair in table["pairs"]
         if pair["i"] == fiducial
     ]

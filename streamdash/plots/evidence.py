@@ -27,6 +27,7 @@ from streamdash.statistics.evidence import RULES, Comparison, compare, jeffreys
 from streamdash.statistics.evidence_growth import Growth
 from streamdash.store.cache import Cache
 from streamdash.survey.observed import ObservedStreams
+from streamdash.words import is_or_are, number_of
 
 LEVELS = (-5.0, -2.5, -1.0, 1.0, 2.5, 5.0)
 """Jeffreys' limits of weak, moderate and strong evidence, drawn dashed."""
@@ -230,14 +231,15 @@ def sentence(comparison: Comparison, fiducial: int, configs: Sequence[EnsembleCo
         if not total.n_kept:
             parts.append(f"against {name} no bin can be compared")
             continue
+        give = "counts gives" if total.n_kept == 1 else "count give"
         parts.append(
-            f"against {name} the {total.n_kept} bins that count give Σ ln B = {total.value:.1f}, "
+            f"against {name} the {number_of(total.n_kept, 'bin')} that {give} Σ ln B = {total.value:z.1f}, "
             f"{words(total.value)}, at most {total.largest:.2f} in one bin"
         )
     grey = int(excluded_bins(comparison, fiducial).sum())
     return (
         f"If the perturbers are {labels[fiducial]}: "
-        f"{'; '.join(parts)}. {grey} of {len(comparison.centers)} bins are excluded (grey). "
+        f"{'; '.join(parts)}. {grey} of {len(comparison.centers)} bins {is_or_are(grey)} excluded (grey). "
         "The sum ignores correlations between bins; bars are the spread over 10 to 500 bins of y."
     )
 
@@ -270,12 +272,12 @@ def growth_sentence(curves: Mapping[int, Growth], fiducial: int, n_bin: int) -> 
         half = max(int(np.searchsorted(curve.n_streams, curve.n_streams[-1] / 2, side="right")) - 1, 0)
         change = curve.mean[-1] - curve.mean[half]
         parts.append(
-            f"against M{j} Σ ln B is {curve.mean[-1]:.1f} from {curve.n_streams[-1]} streams, "
-            f"{change:+.1f} since {curve.n_streams[half]}"
+            f"against M{j} Σ ln B is {curve.mean[-1]:z.1f} from {curve.n_streams[-1]} streams, "
+            f"{change:+z.1f} since {curve.n_streams[half]}"
         )
     return (
-        f"Fiducial M{fiducial}, {n_bin} bins of Qρ: {'; '.join(parts)}. Bars: scatter between separate sets "
-        "of as many streams. The last point is the sum in the table."
+        f"Fiducial M{fiducial}, {number_of(n_bin, 'bin')} of Qρ: {'; '.join(parts)}. Bars: scatter between "
+        "separate sets of as many streams. The last point is the sum in the table."
     )
 
 

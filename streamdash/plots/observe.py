@@ -14,6 +14,7 @@ from streamdash.plots.elements import error_bars, framed, hover_spans, level_lin
 from streamdash.plots.live import Backend, use
 from streamdash.plots.style import INK, coordinate_label
 from streamdash.streams import longitude_symbol
+from streamdash.words import number_of
 
 TOP = 6.0
 """Highest value shown, in units of the smooth curve."""
@@ -79,8 +80,8 @@ def sentence(observation: Observation, bands: np.ndarray | None, names: Sequence
     lowest, highest = int(np.argmin(q)), int(np.argmax(q))
     where = "ℓ" if design.coordinate == "ell" else longitude_symbol(design.coordinate)
     words = (
-        f"{design.n_bin} measured bins, from {q[lowest]:.2f} ± {design.sigma[lowest]:.2f} at {where} = "
-        f"{design.centers[lowest]:.1f}° to {q[highest]:.2f} ± {design.sigma[highest]:.2f} at "
+        f"{number_of(design.n_bin, 'measured bin')}, from {q[lowest]:.2f} ± {design.sigma[lowest]:.2f} at "
+        f"{where} = {design.centers[lowest]:.1f}° to {q[highest]:.2f} ± {design.sigma[highest]:.2f} at "
         f"{design.centers[highest]:.1f}°."
     )
     if bands is None:

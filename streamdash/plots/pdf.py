@@ -27,10 +27,15 @@ from streamdash.statistics.evidence import RULES, Comparison, compare
 from streamdash.statistics.pdf import y_distribution
 from streamdash.store.cache import Cache
 from streamdash.survey.observed import ObservedStreams
+from streamdash.words import is_or_are, number_of
 
 __getattr__ = renamed(__name__)
 N_Y = 50
 """Bins of y in Π(y_α|M), as in the paper's figure 4."""
+LEVEL = 0.1
+"""A median within this share of its highest value is as high as that, for the eye."""
+FLAT = 0.2
+"""Where that holds over more than this share of the axis, there is no peak to speak of."""
 EXCLUDED, SELECTED, BINS = "excluded", "selected", "bins"
 Q_LABEL = "Qρ = ρ / ρ̄"
 
@@ -257,15 +262,22 @@ def sentence(comparison: Comparison, configs: Sequence[EnsembleConfig]) -> str:
     peaks = []
     for label, band in zip(model_labels(configs), comparison.bands, strict=True):
         top = int(np.argmax(band.median))
-        peaks.append(
-            f"{label} peaks at Qρ = {centers[top]:.2f} "
-            f"with {band.median[top]:.2f} ({band.low[top]:.2f}–{band.high[top]:.2f})"
-        )
+        height = f"{band.median[top]:.2f} ({band.low[top]:.2f}–{band.high[top]:.2f})"
+        ends = centers[band.median >= (1 - LEVEL) * band.median[top]][[0, -1]]
+        if np.ptp(ends) > FLAT * np.ptp(comparison.edges[[0, -1]]):
+            peaks.append(
+                f"{label} is flat: within a tenth of its highest value, {height}, at Qρ from "
+                f"{ends[0]:.2f} to {ends[1]:.2f}"
+            )
+        else:
+            peaks.append(f"{label} peaks at Qρ = {centers[top]:.2f} with {height}")
     grey = int(excluded_bins(comparison).sum())
-    counted = f"{grey} of {len(centers)} bins are grey: they do not count for the evidence."
+    do = "it does" if grey == 1 else "they do"
+    apart = f"{grey} of {len(centers)} bins {is_or_are(grey)} grey: {do} not count for the evidence."
     return (
-        f"How often each Qρ occurs along a stream, in {len(centers)} bins at σ_ε = {comparison.noise:g}: "
-        f"median over streams and the band that holds 68 % of them. {'; '.join(peaks)}. {counted}"
+        f"How often each Qρ occurs along a stream, in {number_of(len(centers), 'bin')} at "
+        f"σ_ε = {comparison.noise:g}: "
+        f"median over streams and the band that holds 68 % of them. {'; '.join(peaks)}. {apart}"
     )
 
 

@@ -20,6 +20,7 @@ from streamdash.plots.style import INK, coordinate_label, rising_alpha
 from streamdash.store.cache import Cache
 from streamdash.streams import longitude_symbol
 from streamdash.survey.bands import Bands, compute, read_profiles
+from streamdash.words import NEAR_PROGENITOR, PROGENITOR_WORDS
 
 QUANTITY_LABELS = {
     "q_rho": "Qρ = ρ / ρ̄",
@@ -235,5 +236,5 @@ def sentence(panels: Sequence[Bands]) -> str:
     return (
         f"The {quantities[first.quantity]} along {axes.get(first.coordinate, own)}{noise}. "
         f"Half-width of the band that holds 68 % of the streams, averaged along the stream: "
-        f"{'; '.join(widths)}.{chosen}"
+        f"{'; '.join(widths)}.{chosen} Mind the end at θ∥ below about {NEAR_PROGENITOR:g}. {PROGENITOR_WORDS}"
     )

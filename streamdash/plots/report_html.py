@@ -23,6 +23,7 @@ from streamdash.observe.report import (
     name,
     percent,
     resemblance_words,
+    right_share,
 )
 from streamdash.plots import observe
 from streamdash.plots.live import export
@@ -46,6 +47,7 @@ TEMPLATES.globals |= {
         percent,
         provenance_words,
         resemblance_words,
+        right_share,
     )
 }
 

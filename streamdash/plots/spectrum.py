@@ -26,6 +26,7 @@ from streamdash.statistics.spectrum import KINDS, SpectrumBand, observed_spectra
 from streamdash.store.cache import Cache
 from streamdash.survey.design import default_design
 from streamdash.survey.observed import ObservedStreams, open_ensembles
+from streamdash.words import is_or_are, number_of
 
 X_LABEL = "1/k (deg)"
 Y_LABELS = {
@@ -260,12 +261,14 @@ def sentence(shown: Shown, configs: Sequence[EnsembleConfig]) -> str:
         f"{label} {band.median[0]:.2g}"
         for label, band in zip(model_labels(configs), shown.bands["density"], strict=True)
     )
-    true = [s for s in shown.statements if s.clean_true]
+    clean = sum(s.clean_true for s in shown.statements)
+    observed = sum(s.observed_true for s in shown.statements)
     return (
         f"Fluctuations of the density by their size, from the whole stream ({largest:.0f}°) down to 1°, at "
         f"σ_ε = {shown.sigma:g}: median over streams and the band of 68 % of them. At {largest:.0f}° "
         f"√P is {heights}, and {shown.noise.median[0]:.2g} of shot noise alone. "
-        f"{len(true)} of the {len(shown.statements)} statements after the paper are true of these streams."
+        f"Of the {number_of(len(shown.statements), 'statement')} after the paper, {clean} "
+        f"{is_or_are(clean)} true of these streams without noise, and {observed} as observed."
     )
 
 

@@ -203,6 +203,18 @@ def smooth_curve(profiles: np.ndarray, fit: np.ndarray) -> np.ndarray:
     return np.maximum(profiles @ fit.T.astype(profiles.dtype), FLOOR * size[..., None])
 
 
+def divisible(profiles: np.ndarray, fit: np.ndarray | None) -> np.ndarray:
+    """Which profiles (…, n_bin) have a polynomial that stays above `FLOOR` of their mean everywhere.
+
+    The others are refused when they are measured, since a quotient by almost nothing means nothing.
+    """
+    if fit is None:
+        return np.ones(profiles.shape[:-1], dtype=bool)
+    mean = profiles.mean(axis=-1)
+    lowest = (profiles @ fit.T.astype(profiles.dtype)).min(axis=-1)
+    return (mean > 0) & (lowest >= FLOOR * mean)
+
+
 def divided(profiles: np.ndarray, fit: np.ndarray | None) -> np.ndarray:
     """Profiles over their own polynomial, or as they are where there is none."""
     return profiles if fit is None else profiles / smooth_curve(profiles, fit)

@@ -20,7 +20,7 @@ from streamdash.engine.geometry import Geometry
 from streamdash.naming import class_names
 from streamdash.simulation.geometry import load_geometry
 from streamdash.store.cache import Cache
-from streamdash.survey.design import Design, default_design, measured, observe_as, smooth_as
+from streamdash.survey.design import Design, default_design, measured, observe_as, smooth_as, smooth_curve
 from streamdash.survey.sky import shot_noise
 
 
@@ -209,6 +209,12 @@ class ObservedStreams:
             pairs = zip(self.configs, self.q, strict=True)
             draws = tuple(noise_draws(config, q.shape, number) for config, q in pairs)
         return [measured(q, d, design.sigma, design.fit) for q, d in zip(self.q, draws, strict=True)]
+
+    def densities(self) -> list[np.ndarray]:
+        """Each class's streams with noise, (n_streams, n_bin), before anything is divided out."""
+        curves = [q if self.design.fit is None else smooth_curve(q, self.design.fit) for q in self.q]
+        sigma = np.asarray(self.design.sigma, np.float32)
+        return [q + sigma * curve * d for q, curve, d in zip(self.q, curves, self.draws, strict=True)]
 
     # ------------------------------------------------------------ all classes in one
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sklearn import metrics
 
-from streamdash.statistics.scores import calibration, count_scores, evaluate, roc
+from streamdash.statistics.scores import calibration, count_scores, evaluate, roc, share_interval
 
 
 def test_scores_of_counts_made_by_hand():
@@ -101,3 +101,32 @@ def test_percentages_of_rows_add_up(truth_and_probability):
 def test_class_without_test_stream_is_named():
     with pytest.raises(ValueError, match="Class 1"):
         evaluate(np.array([0, 0, 2]), np.eye(3))
+
+
+def test_all_right_is_not_certainty():
+    """500 of 500: the interval reaches down to a share that would show all right once in six times."""
+    y = np.repeat([0, 1], 250)
+    scores = evaluate(y, np.eye(2)[y])
+    assert scores.values["overall_accuracy"] == 1 and scores.errors["overall_accuracy"] == 0
+    low, high = scores.interval("overall_accuracy")
+    assert 0.998 < low < 0.9995 and high == 1
+    for name in ("accuracy", "precision", "recall", "f1", "auc"):
+        ends = scores.interval(name)
+        assert (ends[0] < 1).all() and (ends[0] > 0.99).all() and (ends[1] == 1).all()
+    assert scores.text("overall_accuracy") == "1.000 (0.999–1.000)"
+    assert scores.percent_text("recall", 0) == "100.0 % (99.8–100.0 %)"
+
+
+@pytest.mark.parametrize(("share", "n"), [(0.99, 500), (0.9, 60), (0.5, 40)])
+def test_the_interval_of_a_share_holds_it_as_often_as_it_says(share, n):
+    seen = np.random.default_rng(3).binomial(n, share, 4000)
+    low, high = share_interval(seen, n)
+    assert 0.6 < np.mean((low <= share) & (share <= high)) < 0.8
+
+
+def test_the_interval_of_f1_is_where_bootstrapped_values_are(truth_and_probability):
+    y, p = truth_and_probability
+    scores = evaluate(y, p, n_bootstrap=600)
+    low, high = scores.interval("f1")
+    assert np.all((low < scores.values["f1"]) & (scores.values["f1"] < high))
+    np.testing.assert_allclose((high - low) / 2, scores.errors["f1"], rtol=0.35)

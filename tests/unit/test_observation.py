@@ -14,7 +14,8 @@ from streamdash.config import ConfigError
 from streamdash.observe.guess import Assumptions, assume, changed, guess
 from streamdash.observe.observation import interpret, read_observation
 from streamdash.observe.table import MAX_BYTES, MAX_NAME, MAX_ROWS, ObservationError, read_table
-from streamdash.survey.design import AS_IS, ORDER_MAX
+from streamdash.survey.design import AS_IS, ORDER_MAX, divisible, polynomial_fit
+from streamdash.survey.sky import to_theta
 from tests.unit.tables import PHI1, Q, comma, csv, profile, refused, shuffled
 
 # ------------------------------------------------------------------ reading
@@ -86,7 +87,7 @@ def test_a_gap_and_missing_values_leave_bins_out(geometry):
     design = observation.design
     assert design.n_bin == len(keep) - 1
     np.testing.assert_allclose(design.high - design.low, 2.0)
-    assert any("treated as gaps" in words for words in observation.notes)
+    assert any("1 row has no value" in words and "treated as a gap" in words for words in observation.notes)
     assert "2 gaps" in observation.stated[0]
 
 
@@ -303,3 +304,31 @@ def test_the_largest_files_are_answered(data, geometry):
 def test_assumptions_are_checked_whoever_makes_them():
     with pytest.raises(ConfigError, match="width"):
         Assumptions(coordinate="ell", position="a", value="b", kind="q_rho", width=-1.0)
+
+
+def test_a_polynomial_near_zero_gives_way_to_one_of_lower_order_that_is_named(geometry):
+    """A density that falls to nothing over half of the stream: a cubic passes below zero, the mean cannot."""
+    density = np.where(np.arange(len(PHI1)) < 0.4 * len(PHI1), 100.0, 2.0)
+    data = csv(PHI1, density, np.full(len(PHI1), 5.0), header="phi1,density,error")
+    _, observation = read_observation(data, geometry)
+    order = observation.design.order
+    assert order < 3 and observation.assumptions.order == order
+    fit = polynomial_fit(observation.design.centers, 3)
+    assert (fit @ density).min() < 0.1 * density.mean()
+    (note,) = [words for words in observation.notes if "order 3" in words]
+    assert f"one of order {order} is divided out" in note
+    assert not divisible(density, fit)
+    assert divisible(density, polynomial_fit(observation.design.centers, order))
+
+
+def test_a_profile_that_is_negative_on_average_is_refused(geometry):
+    density = np.where(np.arange(len(PHI1)) == 3, 1.0, -1.0)
+    with pytest.raises(ObservationError, match="not positive on average"):
+        read_observation(csv(PHI1, density, np.full(len(PHI1), 5.0), header="phi1,density,error"), geometry)
+
+
+def test_bins_nearest_the_progenitor_are_counted(geometry):
+    data = csv(PHI1, Q, 0.1 + 0 * Q, header="phi1,q_rho,error")
+    _, observation = read_observation(data, geometry)
+    ends = np.stack([observation.design.low, observation.design.high])
+    assert observation.n_near == np.count_nonzero(to_theta(geometry, ends, "phi1").min(axis=0) < 0.15)

@@ -22,6 +22,7 @@ from streamdash.survey.design import (
     AS_IS,
     Design,
     divided,
+    divisible,
     measured,
     observe_as,
     polynomial_fit,
@@ -415,3 +416,17 @@ def test_streams_with_a_polynomial_are_other_streams(world):
     streams = world[0].streams
     bare = replace(streams, design=replace(streams.design, order=AS_IS))
     assert bare.digest != streams.digest
+
+
+def test_streams_that_would_be_refused_are_neither_learnt_from_nor_scored(world):
+    """Measured, they would be divided by a polynomial of lower order."""
+    prepared, _ = world
+    streams, design = prepared.streams, prepared.design
+    noisy = np.concatenate(streams.densities())
+    fine = divisible(noisy, design.fit)
+    assert fine[prepared.judged.rows].all()
+    shares = [1 - fine[streams.y == c].mean() for c in range(2)]
+    np.testing.assert_allclose(prepared.refused, shares)
+    assert shares[0] < 0.01 < shares[1]
+    # What is divided is what `ObservedStreams.observed` gives.
+    np.testing.assert_allclose(divided(noisy, design.fit), streams.observed(), rtol=2e-4, atol=2e-4)

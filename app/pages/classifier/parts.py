@@ -25,6 +25,7 @@ from streamdash.classifier.studies import (
 from streamdash.classifier.train import Judged
 from streamdash.plots import classifier_studies as plots
 from streamdash.plots.classifier import METRICS, class_names
+from streamdash.words import percent_between
 
 STYLE = (
     ui.TABLE_STYLE
@@ -37,19 +38,19 @@ CURVE_LEGEND = (("line", "recall per class"), ("grey", "accuracy over all classe
 
 
 def scores_html(judged: Judged) -> Markup:
-    """Precision, recall, F₁, accuracy and AUC per class with errors, the paper's beneath."""
+    """Precision, recall, F₁, accuracy and AUC per class with 68 % intervals, the paper's beneath."""
     labels = judged.classifier.card.labels
     paper = paper_scores(labels) or {}
-    values, errors = judged.scores.values, judged.scores.errors
+    scores = judged.scores
     # The paper gives whole percents for two classes, and "≳" for three.
     sign = "" if len(labels) == 2 else "≳ "
 
     def cell(metric: str, c: int) -> tuple[str, ...]:
         given = paper.get(metric)
         note = (f"paper {sign}{given[c]:.2f}",) if isinstance(given, tuple) else ()
-        return (f"{values[metric][c]:.3f} ± {errors[metric][c]:.3f}", *note)
+        return (scores.text(metric, c), *note)
 
-    overall = f"{values['overall_accuracy']:.3f} ± {errors['overall_accuracy']:.3f}"
+    overall = f"{scores.text('overall_accuracy')}, 68 % interval"
     note = f", paper {paper['overall_accuracy']:.2f}" if "overall_accuracy" in paper else ""
     return ui.render(
         "pages/classifier/scores.html",
@@ -69,7 +70,7 @@ def comparison_html(contenders: Sequence[Contender], labels: Sequence[str]) -> M
             (
                 record["name"],
                 [
-                    f"{100 * record['accuracy']:.1f} ± {100 * record['accuracy_error']:.1f} %",
+                    percent_between(record["accuracy"], record["accuracy_low"], record["accuracy_high"]),
                     f"{record['log_loss']:.3f}",
                     f"{record['calibration_error']:.3f}",
                     f"{record['seconds']:.1f} s",

@@ -80,16 +80,16 @@ def _rows(tables: Sequence[dict], i: int, j: int, paper: bool) -> list[tuple[Cel
 def _sum(pair: dict[str, Any]) -> Cell:
     if not pair["n_kept"]:
         return "–", "no bin can be compared"
-    return f"{pair['sum']:.1f} ± {pair['error']:.1f}", words(pair["sum"])
+    return f"{pair['sum']:z.1f} ± {pair['error']:.1f}", words(pair["sum"])
 
 
 def _joint(pair: dict[str, Any]) -> Cell:
     if not pair["n_components"]:
         return ("–", "no overlap") if pair["n_unresolved"] else ("–",)
     mark = ("not all resolved",) if pair["n_unresolved"] else ()
-    return (f"{pair['joint']:.1f}", words(pair["joint"]), *mark)
+    return (f"{pair['joint']:z.1f}", words(pair["joint"]), *mark)
 
 
 def _held_out(pair: dict[str, Any]) -> Cell:
     low, high = 100 * pair["right_low"], 100 * pair["right_high"]
-    return f"{100 * pair['right']:.1f} %", f"{low:.2f} to {high:.2f} %", f"ln ratio {pair['ln_ratio']:.1f}"
+    return f"{100 * pair['right']:.1f} %", f"{low:.2f} to {high:.2f} %", f"ln ratio {pair['ln_ratio']:z.1f}"

@@ -120,8 +120,8 @@ decide.
 
 How well, says the **Bayes factor** B: how many times more probable the data are if one mass range is true
 than if the other is. Its logarithm, ln B, adds up over the bins of the PDF. If the objects really have
-{light}, ln B is **{ln_bayes[0]:.1f}** in favour of the truth ({words[0]}); if they have {heavy}, it is
-**{ln_bayes[1]:.1f}** ({words[1]}). By custom more than {strong:g} is called strong.
+{light}, ln B is **{ln_bayes[0]:z.1f}** in favour of the truth ({words[0]}); if they have {heavy}, it is
+**{ln_bayes[1]:z.1f}** ({words[1]}). By custom more than {strong:g} is called strong.
 
 Neighbouring bins are not independent, so these sums promise too much; the full page has the honest ones.
 """

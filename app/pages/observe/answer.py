@@ -11,6 +11,7 @@ from markupsafe import Markup
 from app.ui.templates import render
 from streamdash.observe.table import Table, shown
 from streamdash.plots.report_html import result_tables
+from streamdash.words import number_of
 
 ROWS_SHOWN = 4
 COLUMNS_SHOWN = 8
@@ -51,6 +52,7 @@ def preview_html(table: Table) -> Markup:
         "pages/observe/preview.html",
         names=["line", *map(shown, names)],
         rows=[(line, [_number(value) for value in row[: len(names)]]) for line, row in rows],
+        number_of=number_of,
         n_rows=table.n_rows,
         n_more=len(table.names) - len(names),
     )

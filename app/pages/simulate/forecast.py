@@ -18,8 +18,11 @@ from streamdash.simulation.preview import Preview, expectation, preview
 from streamdash.simulation.workers import in_process
 from streamdash.store.cache import Entry
 from streamdash.survey.bands import Bands, bin_angles, compute
+from streamdash.words import is_or_are, number_of
 
 PREVIEWED = 5
+FEWEST_FOR_BAND = 30
+"""Of fewer streams no band of 68 % is drawn: its ends would be single streams."""
 """Streams shown before the start, and highlighted afterwards."""
 SHOWN_MAX = 2000
 """Streams that the figure shows while more are being computed."""
@@ -93,6 +96,9 @@ def panel_of(config: EnsembleConfig, glimpse: xr.Dataset | None, finished: xr.Da
     if shown is None:
         return None
     panel = compute(bin_angles(shown, config), 0, "theta", 0.0, 0, 0)
+    if shown.sizes["stream"] < FEWEST_FOR_BAND:
+        none = np.full_like(panel.median, np.nan)
+        panel = dataclasses.replace(panel, low=none, high=none, median=none)
     if glimpse is None:
         return panel
     few = bin_angles(glimpse, config).values.T
@@ -109,9 +115,8 @@ def words_before(outlook: Outlook, workers: int) -> str:
     if outlook.covering is not None:
         total = outlook.covering.n_total
         among = f", the first of {total}" if total != config.n_streams else ""
-        return (
-            f"{words[0]} All {config.n_streams} streams are in the cache{among}: nothing has to be computed."
-        )
+        every = "The one stream is" if config.n_streams == 1 else f"All {config.n_streams} streams are"
+        return f"{words[0]} {every} in the cache{among}: nothing has to be computed."
     missing = config.n_streams - outlook.n_done
     if outlook.geometry_s:
         times = len(config.stream.impact_times_gyr)
@@ -123,26 +128,34 @@ def words_before(outlook: Outlook, workers: int) -> str:
     if np.isfinite(glimpse.seconds_per_stream):
         seconds = glimpse.seconds_per_stream * missing / workers
         words.append(
-            f"{missing} streams take about {duration(seconds)} on {workers} "
-            f"worker{'s' if workers > 1 else ''} ({1e3 * glimpse.seconds_per_stream:.0f} ms each)."
+            f"{number_of(missing, 'stream')} {'takes' if missing == 1 else 'take'} about "
+            f"{duration(seconds)} on {number_of(workers, 'worker')} "
+            f"({1e3 * glimpse.seconds_per_stream:.0f} ms each)."
         )
     elif not outlook.geometry_s:
         words.append("So many impacts make a stream too slow for a preview.")
     if outlook.n_done:
-        words.append(f"{outlook.n_done} of {config.n_streams} are finished already and are kept.")
+        done = f"{outlook.n_done} of {config.n_streams} {is_or_are(outlook.n_done)}"
+        words.append(f"{done} finished already and kept.")
     return " ".join(words)
 
 
 def words_curves(outlook: Outlook, panel: Bands) -> str:
     """What the figure shows now."""
-    half = float(np.mean(panel.high - panel.low)) / 2
     along = "density relative to the smooth stream, Qρ, along the parallel angle θ∥"
     if outlook.finished is None:
-        return f"The {along}, of the first {len(panel.streams)} streams, as they will be simulated."
+        first = number_of(len(panel.streams), "stream")
+        return f"The {along}, of the first {first}, as they will be simulated; too few for a band."
     count = outlook.finished.sizes["stream"]
+    if count < FEWEST_FOR_BAND:
+        return (
+            f"{number_of(count, 'finished stream')} of {outlook.config.n_streams}: {along}. Too few for a "
+            f"band: it is drawn from {FEWEST_FOR_BAND} on."
+        )
+    half = float(np.mean(panel.high - panel.low)) / 2
     return (
-        f"{count} finished streams of {outlook.config.n_streams}: {along}. The band that holds 68 % of "
-        f"them has a half-width of {half:.2g}, averaged along the stream."
+        f"{number_of(count, 'finished stream')} of {outlook.config.n_streams}: {along}. The band that holds "
+        f"68 % of them has a half-width of {half:.2g}, averaged along the stream."
     )
 
 

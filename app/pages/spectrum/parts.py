@@ -62,11 +62,9 @@ def statistics_html(rows: Sequence[Kept]) -> Markup:
         return ("–",) if found is None else (ln_b_text(found.value, found.n_unresolved), words(found.value))
 
     def cells(row: Kept) -> list[tuple[str, ...]]:
-        scores = row.judged.scores
-        accuracy = 100 * scores.values["overall_accuracy"], 100 * scores.errors["overall_accuracy"]
         return [
             (f"{len(row.judged.classifier.features.names)}",),
-            (f"{accuracy[0]:.1f} ± {accuracy[1]:.1f} %",),
+            (row.judged.scores.percent_text("overall_accuracy"),),
             (f"{row.bits:.3f} ± {row.bits_error:.3f}",),
             *(ln_b(row, pair) for pair in pairs),
         ]
