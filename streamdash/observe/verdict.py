@@ -211,7 +211,7 @@ def learn(
         likeness,
         pdfs,
         replicas,
-        refused,
+        refused=refused,
     )
 
 
