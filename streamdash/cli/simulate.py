@@ -297,7 +297,7 @@ def _dask_client(executor: str, scheduler: str | None):
 
 
 def _print_estimate(config: EnsembleConfig, cache: Cache, workers: int | None, as_json: bool) -> None:
-    import joblib
+    from loky import cpu_count
 
     from streamdash.engine.impacts import expected_impacts
     from streamdash.simulation.ensemble import estimate
@@ -306,7 +306,7 @@ def _print_estimate(config: EnsembleConfig, cache: Cache, workers: int | None, a
     done = 0
     with contextlib.suppress(StoreError):
         done = cache.find(config.key).n_done
-    workers = workers or joblib.cpu_count()
+    workers = workers or cpu_count()
     with wrong_input():
         geometry, geometry_s = _probe(config.stream, cache, workers)
         cost = estimate(config, geometry)

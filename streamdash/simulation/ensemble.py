@@ -15,10 +15,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
-import joblib
 import numpy as np
 import pandas as pd
 import xarray as xr
+from loky import cpu_count
 
 from streamdash.config import EnsembleConfig, StreamModel
 from streamdash.engine.density import stream_profile
@@ -92,8 +92,8 @@ def simulate(
     Parameters
     ----------
     config : EnsembleConfig
-    executor : {"inline", "processes", "dask"} or a joblib backend
-        This process, joblib's worker processes, or the Dask cluster of the active
+    executor : {"inline", "processes", "dask"}
+        This process, worker processes of this machine, or the Dask cluster of the active
         ``distributed.Client``, whose workers must see the same cache folder.
     workers : int, optional
         How many worker processes; one per core by default.
@@ -182,7 +182,7 @@ def estimate(config: EnsembleConfig, geometry: Geometry) -> Estimate:
 def prepare_workers(cache: Cache, workers: int | None = None, nice: int = 0) -> None:
     """Have worker processes of this machine start, import and load what the default stream needs."""
     with contextlib.suppress(WorkerError, StoreError):
-        for _ in results(_prepare, [(cache,)] * (workers or joblib.cpu_count()), "processes", workers, nice):
+        for _ in results(_prepare, [(cache,)] * (workers or cpu_count()), "processes", workers, nice):
             pass
 
 

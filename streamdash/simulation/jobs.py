@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-import joblib
+from loky import cpu_count
 
 from streamdash.config import EnsembleConfig
 from streamdash.simulation.ensemble import Stopped, complete, prepare_workers
@@ -159,7 +159,7 @@ class Jobs:
     def prepare(self) -> None:
         """Start the workers of this machine, so that the first streams of the next job come at once."""
         limits = self.limits
-        if limits.scheduler or not limits.max_jobs or (limits.workers or joblib.cpu_count()) > PREPARED_MAX:
+        if limits.scheduler or not limits.max_jobs or (limits.workers or cpu_count()) > PREPARED_MAX:
             return
         with self._changed:
             self._prepare = True

@@ -11,23 +11,21 @@ import os
 import signal
 import threading
 import time
-import warnings
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
 from itertools import islice
 from typing import Any, TypeVar
 
-import joblib
-from joblib.externals.loky import get_reusable_executor
+from loky import ProcessPoolExecutor, cpu_count, get_reusable_executor
 from threadpoolctl import threadpool_limits
 
 T = TypeVar("T")
 
-BACKENDS = {"inline": "sequential", "processes": "loky"}
 PARENT_POLL_S = 1.0
 IDLE_S = 300
-"""Worker processes without work end after this long; joblib's own number."""
+"""Worker processes without work end after this long."""
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
@@ -51,8 +49,8 @@ def results(
 
     Parameters
     ----------
-    executor : {"inline", "processes", "dask"} or a joblib backend
-        This process, joblib's worker processes, or the Dask cluster of the active
+    executor : {"inline", "processes", "dask"}
+        This process, worker processes of this machine, or the Dask cluster of the active
         ``distributed.Client``.
     workers : how many worker processes; one per core by default.
     nice : how much worker processes of this machine stand back for others (0 to 19).
@@ -64,13 +62,15 @@ def results(
     ValueError
         When the executor does not exist; whatever `function` raises is passed on as well.
     """
-    backend = BACKENDS.get(executor, executor)
-    n_jobs = 1 if backend == "sequential" else workers or joblib.cpu_count()
     with _as_worker_error():
-        if backend == "loky":
-            yield from _from_processes(function, pieces, n_jobs, nice)
+        if executor == "inline":
+            yield from (_work(function, piece) for piece in pieces)
+        elif executor == "processes":
+            yield from _from_processes(function, pieces, workers or cpu_count(), nice)
+        elif executor == "dask":
+            yield from _from_cluster(function, pieces)
         else:
-            yield from _from_joblib(function, pieces, _on_cluster() if backend == "dask" else backend, n_jobs)
+            raise ValueError(f"executor: {executor!r} is none of inline, processes, dask")
 
 
 def _from_processes(
@@ -78,8 +78,7 @@ def _from_processes(
 ) -> Generator[T]:
     """Results from worker processes of this machine, which all computations of this process share.
 
-    What is given up is only taken out of the queue: joblib would kill the workers, and with them what
-    others compute there; and with one worker it would compute in this process.
+    What is given up is only taken out of the queue: others compute there too.
     """
     coming = iter(pieces)
 
@@ -104,32 +103,26 @@ def _from_processes(
             future.cancel()
 
 
-def _from_joblib(
-    function: Callable[..., T], pieces: Iterable[tuple], backend: Any, n_jobs: int
-) -> Generator[T]:
-    """Results from a backend of joblib's."""
-    jobs = (joblib.delayed(_work)(function, piece) for piece in pieces)
-    with joblib.parallel_config(backend=backend, n_jobs=n_jobs):
-        found = joblib.Parallel(return_as="generator_unordered", batch_size=1)(jobs)
-        try:
-            # Not `yield from`, which would close them before the warnings are off.
-            for result in found:  # noqa: UP028
-                yield result
-        finally:
-            with warnings.catch_warnings():  # that work is given up when stopping is intended
-                warnings.simplefilter("ignore", UserWarning)
-                found.close()
+def _from_cluster(function: Callable[..., T], pieces: Iterable[tuple]) -> Generator[T]:
+    """Results from the Dask cluster of the active client."""
+    from distributed import as_completed, get_client
 
+    client, coming = get_client(), iter(pieces)
 
-def _on_cluster() -> Any:
-    """joblib's Dask backend, which else computes in this process where the cluster has one core."""
-    from joblib._dask import DaskDistributedBackend
+    def submit(most: int) -> set[Any]:
+        return {client.submit(_work, function, piece, pure=False) for piece in islice(coming, most)}
 
-    class OnCluster(DaskDistributedBackend):
-        def effective_n_jobs(self, n_jobs: int) -> int:
-            return max(2, super().effective_n_jobs(n_jobs))
-
-    return OnCluster()
+    waiting = submit(2 * max(1, sum(client.nthreads().values())))  # no worker waits for this process
+    finished = as_completed(waiting)
+    try:
+        for future in finished:
+            yield future.result()
+            more = submit(1)
+            waiting = waiting - {future} | more  # what nobody holds is let go of by the cluster
+            finished.update(more)
+    finally:
+        with contextlib.suppress(Exception):  # the cluster may be gone
+            client.cancel(waiting)
 
 
 def is_ending() -> bool:
@@ -195,7 +188,7 @@ def _as_worker_error() -> Generator[None]:
     """Say in one sentence what became of the workers."""
     try:
         yield
-    except joblib.externals.loky.process_executor.BrokenProcessPool as error:
+    except BrokenProcessPool as error:
         raise WorkerError(
             "A worker process was killed, perhaps for want of memory; what was finished is kept: "
             "run this again with fewer workers to resume."
@@ -236,8 +229,6 @@ def cluster(scheduler: str | None) -> Any:
 
 def in_process(function: Callable[..., T], *arguments: Any) -> T:
     """``function(*arguments)`` in a process of its own, which ends afterwards; raises what it raises."""
-    from joblib.externals.loky import ProcessPoolExecutor
-
     with (
         _as_worker_error(),
         ProcessPoolExecutor(1, initializer=_settle, initargs=(os.getpid(), 0)) as executor,

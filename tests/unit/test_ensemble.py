@@ -224,7 +224,7 @@ def test_an_interrupt_from_the_keyboard_keeps_chunks_and_frees_the_entry(
 
 
 def test_a_killed_worker_is_reported_and_loses_only_its_chunk(config, undisturbed, geometry_cache):
-    from joblib.externals.loky import reusable_executor
+    from loky import reusable_executor
 
     many = config.model_copy(update={"n_streams": 500})
 

@@ -112,7 +112,7 @@ def files(toy, cache: Cache, config: EnsembleConfig) -> dict[str, bytes]:
 
 
 def test_a_job_goes_on_when_its_workers_are_killed(config, undisturbed, geometry_cache, toy):
-    from joblib.externals.loky import reusable_executor
+    from loky import reusable_executor
 
     jobs = Jobs(geometry_cache, Limits(workers=2, nice=0))
     key = jobs.submit(config, "me")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
-import joblib
 import numpy as np
 import xarray as xr
+from loky import cpu_count
 
 from app.services.services import Services, Unavailable
 from streamdash.config import EnsembleConfig
@@ -87,7 +87,7 @@ def look_ahead(services: Services, config: EnsembleConfig) -> Outlook:
 
 def n_workers(services: Services) -> int:
     """Worker processes of this server, as far as it knows."""
-    return services.jobs.limits.workers or joblib.cpu_count()
+    return services.jobs.limits.workers or cpu_count()
 
 
 def panel_of(config: EnsembleConfig, glimpse: xr.Dataset | None, finished: xr.Dataset | None) -> Bands | None:
