@@ -6,6 +6,7 @@ from app.page import Page
 from app.pages.classifier.page import ClassifierPage
 from app.pages.convergence.page import ConvergencePage
 from app.pages.evidence.page import EvidencePage
+from app.pages.infer.page import InferPage
 from app.pages.learn.page import LearnPage
 from app.pages.observe.page import ObservePage
 from app.pages.pdf.page import PdfPage
@@ -19,6 +20,7 @@ PAGES: tuple[type[Page], ...] = (
     EvidencePage,
     ClassifierPage,
     ObservePage,
+    InferPage,
     SpectrumPage,
     ConvergencePage,
     SimulatePage,

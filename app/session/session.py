@@ -14,6 +14,7 @@ from uuid import uuid4
 import param
 
 from app.pages.convergence.state import ConvergenceState
+from app.pages.infer.state import InferState
 from app.pages.learn.state import LearnState
 from app.pages.observe.state import ObserveState
 from app.pages.simulate.state import SimulateState
@@ -27,7 +28,7 @@ N_BIN_MAX = 500
 _LONGEST_SHOWN = 40
 
 
-class Session(LearnState, ObserveState, ConvergenceState, SimulateState):
+class Session(LearnState, ObserveState, InferState, ConvergenceState, SimulateState):
     """One browser session's choices. Widgets bind to these; the URL follows them."""
 
     page = param.String("", doc="key of the page shown; empty: the first")

@@ -12,7 +12,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,19 +21,18 @@ from threadpoolctl import threadpool_limits
 
 from streamdash.config import ENGINE_VERSION, Config, StreamModel
 from streamdash.inference.calibration import calibrated, curve_of
+from streamdash.inference.cells import AGE, all_conditions, cell_of, conditions, grid_of, reflected, unit
 from streamdash.inference.diagnostics import marginals, ranks
 from streamdash.inference.network import Network, train
 from streamdash.inference.nonsense import Critic, alternatives
-from streamdash.inference.posterior import Posterior, make_grid
-from streamdash.inference.prior_ensemble import PriorEnsemble, observed
+from streamdash.inference.posterior import Posterior
+from streamdash.inference.prior_ensemble import PriorEnsemble, noise_factors, observed
 from streamdash.prior import Prior
 from streamdash.statistics.features import FeatureMap, FeatureSet
 from streamdash.store.cache import Cache
 from streamdash.survey.design import Design
 from streamdash.validation import Finite
 
-CELLS, RATE_CELLS, FEWER_CELLS = 40, 20, 16
-"""Cells of a parameter that is alone; of several, of the rate and of the others."""
 CLIP = 6.0
 """Features further from their mean than so many standard deviations count as that far."""
 COPIES = 8
@@ -57,6 +56,11 @@ class Training(Config):
     copies: int = Field(COPIES, ge=1, le=50, description="draws of the noise of every training stream")
     seed: int = Field(0, ge=0, description="of split, noise and networks")
     features: FeatureSet = FeatureSet()
+    told: tuple[Literal["noise", "age"], ...] = Field(
+        (),
+        description="nuisances that can be fixed when it is asked: it is told the size of the errors, "
+        "and infers the age with the rest",
+    )
 
 
 class Split(NamedTuple):
@@ -130,8 +134,8 @@ class Estimator:
             When a bin is not within the profiles.
         """
         training = training or Training()
-        grid = grid_of(ensemble.prior)
-        truth = ensemble.parameters()
+        with_age = "age" in training.told
+        grid, truth = grid_of(ensemble.prior, with_age), ensemble.truth(with_age)
         clean = ensemble.clean(design)
         return cls.learn(ensemble.prior, ensemble.stream, design, grid, clean, truth, training, progress)
 
@@ -154,34 +158,40 @@ class Estimator:
         copies_in_all = training.copies + 4
         steps = copies_in_all + training.members * training.max_epochs * len(grid)
         count = _Counter(progress, steps)
-        first = observed(clean[split.train], design, prior, rng)
-        features = FeatureMap.fit(first, training.features)
-        raw = features(first)
+        told = "noise" in training.told
+
+        def drawn(part: np.ndarray, make: Callable[..., np.ndarray] = observed) -> _Seen:
+            factors = noise_factors(len(part), prior, rng) if told else None
+            return _Seen(make(clean[part], design, prior, rng, factors), factors)
+
+        first = drawn(split.train)
+        features = FeatureMap.fit(first.q, training.features)
+        raw = features(first.q)
         center, scale = raw.mean(axis=0), raw.std(axis=0) + 1e-6
 
-        def scaled(q: np.ndarray) -> np.ndarray:
+        def scaled(seen: _Seen) -> np.ndarray:
             count.step()
-            return _scaled(features(q), center, scale)
+            return _with_noise(_scaled(features(seen.q), center, scale), seen.factors, prior)
 
         copies = [scaled(first)]
-        copies += [
-            scaled(observed(clean[split.train], design, prior, rng)) for _ in range(training.copies - 1)
-        ]
-        held = scaled(observed(clean[split.validation], design, prior, rng))
-        wrong = [scaled(alternatives(clean[split.train], design, prior, rng)) for _ in range(2)]
-        wrong_held = scaled(alternatives(clean[split.validation], design, prior, rng))
+        copies += [scaled(drawn(split.train)) for _ in range(training.copies - 1)]
+        held = scaled(drawn(split.validation))
+        wrong = [scaled(drawn(split.train, alternatives)) for _ in range(2)]
+        wrong_held = scaled(drawn(split.validation, alternatives))
         critic = Critic.learn(copies, wrong, held, wrong_held, training.seed, training.alpha)
 
         def blurred(name: str) -> np.ndarray:
             # Streams near each other in a parameter hardly differ: their cells are learnt together.
             true, edges = values[name][split.train], np.asarray(grid[name])
+            if name == AGE:  # few cells, an age each
+                return cell_of(true, edges)
             error = training.blur * np.ptp(edges) * rng.standard_normal(len(true))
-            return cell_of(_reflected(true + error, edges), edges)
+            return cell_of(reflected(true + error, edges), edges)
 
         values = {name: truth[name].to_numpy() for name in grid}
         factors, powers = [], []
         for j, name in enumerate(grid):
-            before = _conditions(values, grid, list(grid)[:j])
+            before = conditions(values, grid, list(grid)[:j])
             edges = np.asarray(grid[name])
             cell = cell_of(values[name], edges)
             inputs = [np.hstack([copy, before[split.train]]) for copy in copies]
@@ -233,7 +243,12 @@ class Estimator:
         """The parameters, in the order of the posterior's axes."""
         return tuple(self.grid)
 
-    def posterior(self, q: np.ndarray) -> np.ndarray:
+    @property
+    def noise_told(self) -> bool:
+        """Whether it answers for other errors than the design's, which it is told."""
+        return len(self.critic.network.weights[0]) > len(self.center)
+
+    def posterior(self, q: np.ndarray, noise_factor: float = 1.0) -> np.ndarray:
         """Posterior probability of every cell, (n, *cells); each stream's sum to 1.
 
         Of what is not like the prior's streams (`strangeness` above `STRANGE`) it is the prior.
@@ -242,29 +257,32 @@ class Estimator:
         ----------
         q : ndarray (n, n_bin)
             Profiles as the design says they are measured, divided by its polynomial.
+        noise_factor : float
+            Their errors relative to the design's; only where `noise_told`.
 
         Raises
         ------
         ValueError
-            When the profiles have other bins than the design, or a value is not finite.
+            When the profiles have other bins than the design, a value is not finite, or the errors are not
+            ones that it has learnt.
         """
-        x = self._inputs(q)
+        x = self._inputs(q, noise_factor)
         p = calibrated(_joint(self.grid, self.factors, self.powers, x), self.curves)
         p[self.critic.strangeness(x) > STRANGE] = _uniform(self.grid)
         return p
 
-    def posteriors(self, q: np.ndarray) -> list[Posterior]:
+    def posteriors(self, q: np.ndarray, noise_factor: float = 1.0) -> list[Posterior]:
         """The same as a `Posterior` for each profile."""
-        return [Posterior(self.grid, p) for p in self.posterior(q)]
+        return [Posterior(self.grid, p) for p in self.posterior(q, noise_factor)]
 
-    def strangeness(self, q: np.ndarray) -> np.ndarray:
+    def strangeness(self, q: np.ndarray, noise_factor: float = 1.0) -> np.ndarray:
         """Share of simulated streams (n,) that look more like perturbed streams than each profile does.
 
         Above `STRANGE`, the profile is not like the prior's streams: they say nothing about it, and its
         posterior is the prior. What has no structure beyond its errors is not strange: a stream that was
         not hit looks so.
         """
-        return self.critic.strangeness(self._inputs(q))
+        return self.critic.strangeness(self._inputs(q, noise_factor))
 
     def simulate(self, n: int, seed: int, cache: Cache | None = None) -> tuple[pd.DataFrame, np.ndarray]:
         """Fresh streams of the prior, observed with the design.
@@ -283,22 +301,27 @@ class Estimator:
         """
         fresh = PriorEnsemble.fresh(self.prior, self.stream, n, seed, cache)
         rng = np.random.default_rng([seed, 2])
-        return fresh.parameters(), observed(fresh.clean(self.design), self.design, self.prior, rng)
+        clean, factors = fresh.clean(self.design), 1.0 if self.noise_told else None
+        return fresh.truth(AGE in self.grid), observed(clean, self.design, self.prior, rng, factors)
 
-    def _inputs(self, q: np.ndarray) -> np.ndarray:
+    def _inputs(self, q: np.ndarray, noise_factor: float = 1.0) -> np.ndarray:
         q = np.atleast_2d(np.asarray(q, np.float32))
         if q.ndim != 2 or q.shape[1] != self.design.n_bin:
             raise ValueError(f"profiles must have {self.design.n_bin} bins (got an array of {q.shape})")
         if not np.isfinite(q).all():
             raise ValueError("profiles must be finite; leave bins without a value out of the design")
-        return _scaled(self.features(q), self.center, self.scale)
+        x = _scaled(self.features(q), self.center, self.scale)
+        low, high = self.prior.noise_factor if self.noise_told else (1.0, 1.0)
+        if not low <= noise_factor <= high:
+            raise ValueError(f"noise_factor must lie between {low:g} and {high:g} (got {noise_factor:g})")
+        return _with_noise(x, np.full(len(x), noise_factor) if self.noise_told else None, self.prior)
 
 
-def grid_of(prior: Prior) -> dict[str, np.ndarray]:
-    """The cells that a prior's parameters are inferred in."""
-    several = len(prior.names) > 1
-    cells = dict.fromkeys(prior.names, FEWER_CELLS if several else CELLS)
-    return make_grid(prior.ranges, cells | ({"log10_rate": RATE_CELLS} if several else {}))
+class _Seen(NamedTuple):
+    """Observed streams, and the size of their errors where that is told."""
+
+    q: np.ndarray
+    factors: np.ndarray | None
 
 
 def estimator_key(
@@ -309,35 +332,16 @@ def estimator_key(
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
 
 
-def cell_of(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Number of the cell that each value lies in; those beyond the ends count to the last ones."""
-    return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-
-
-def _reflected(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    values = np.where(values > edges[-1], 2 * edges[-1] - values, values)
-    return np.where(values < edges[0], 2 * edges[0] - values, values)
-
-
 def _scaled(x: np.ndarray, center: np.ndarray, scale: np.ndarray) -> np.ndarray:
     return np.clip((x - center) / scale, -CLIP, CLIP).astype(np.float32)
 
 
-def _conditions(values: Mapping[str, np.ndarray], grid: Mapping[str, np.ndarray], names: list) -> np.ndarray:
-    """Parameters (n, n_names) from -1 to 1 over their ranges."""
-    n = len(next(iter(values.values())))
-    columns = [_unit(values[name], grid[name]) for name in names]
-    return np.stack(columns, axis=1).astype(np.float32) if columns else np.zeros((n, 0), np.float32)
-
-
-def _all_conditions(grid: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray:
-    """The middles of all combinations of cells, as `_conditions`."""
-    middles = [_unit(0.5 * (grid[name][1:] + grid[name][:-1]), grid[name]) for name in names]
-    return np.stack([m.ravel() for m in np.meshgrid(*middles, indexing="ij")], axis=1).astype(np.float32)
-
-
-def _unit(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    return 2 * (values - edges[0]) / (edges[-1] - edges[0]) - 1
+def _with_noise(x: np.ndarray, factors: np.ndarray | None, prior: Prior) -> np.ndarray:
+    """Inputs with one more where errors are told: their logarithm from -1 to 1 over the prior's range."""
+    if factors is None:
+        return x
+    told = unit(np.log(factors), np.log(prior.noise_factor)).astype(np.float32)
+    return np.hstack([x, told[:, None]])
 
 
 def _joint(
@@ -350,7 +354,7 @@ def _joint(
     names, n_cells = tuple(grid), [len(edges) - 1 for edges in grid.values()]
     p = np.ones((len(x), 1))
     for j, members in enumerate(factors):
-        extra = _all_conditions(grid, names[:j]) if j else None
+        extra = all_conditions(grid, names[:j]) if j else None
         rows = max(1, 200_000 // (1 if extra is None else len(extra)) // 10)
         factor = np.concatenate(
             [_mean_of(members, powers[j], x[i : i + rows], extra) for i in range(0, len(x), rows)]

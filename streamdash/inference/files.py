@@ -31,6 +31,8 @@ MAX_BYTES = 64 * 2**20
 MAX_KEPT = 20
 """Estimators for people's own designs that are kept; those unused for longest go first."""
 DEFAULT_PRIOR = "rate"
+HELD_OUT = "held-out"
+"""Folder beside estimators with streams that they have not learnt from."""
 
 
 class EstimatorFileError(ValueError):
@@ -154,18 +156,19 @@ def _network(arrays: dict[str, np.ndarray], name: str) -> Network:
     return Network(weights, tuple(arrays[f"b_{name}_{layer}"] for layer in layers))
 
 
-def shipped_path(stream: str, prior: str = DEFAULT_PRIOR) -> Path:
+def shipped_path(stream: str, prior: str = DEFAULT_PRIOR, told: bool = False) -> Path:
     """Where the estimator of a named stream and prior is shipped."""
-    return SHIPPED / f"{stream}-{prior}.npz"
+    return (SHIPPED / "told" if told else SHIPPED) / f"{stream}-{prior}.npz"
 
 
-def load_estimator(stream: str = "gd1-like", prior: str = DEFAULT_PRIOR) -> Estimator:
+def load_estimator(stream: str = "gd1-like", prior: str = DEFAULT_PRIOR, told: bool = False) -> Estimator:
     """The shipped estimator of a named stream at its default design.
 
     Parameters
     ----------
     stream : name of a stream, as `streamdash.streams.named_stream` knows it.
     prior : "rate" for the abundance alone; "population" for abundance, half-mode mass and excess.
+    told : the one that knows other ages and is told the size of the errors, instead of one age and error.
 
     Raises
     ------
@@ -183,7 +186,7 @@ def load_estimator(stream: str = "gd1-like", prior: str = DEFAULT_PRIOR) -> Esti
     name = named_stream(stream).name
     if prior not in PRIORS:
         raise ConfigError(f"prior: {str(prior)[:40]!r} is none of {', '.join(PRIORS)}.")
-    path = shipped_path(name, prior)
+    path = shipped_path(name, prior, told)
     if not path.exists():
         there = sorted(file.stem for file in SHIPPED.glob("*.npz"))
         raise EstimatorFileError(
@@ -216,3 +219,4 @@ def keep(key: str, estimator: Estimator, folder: Path | None = None) -> None:
     files = sorted(folder.glob("*.npz"), key=lambda file: file.stat().st_mtime, reverse=True)
     for file in files[MAX_KEPT:]:
         file.unlink(missing_ok=True)
+        (folder / HELD_OUT / file.name).unlink(missing_ok=True)

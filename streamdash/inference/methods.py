@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -9,13 +10,17 @@ import numpy as np
 import pandas as pd
 
 from streamdash.inference.abc import Abc, largest_scales
+from streamdash.inference.cells import cell_of
 from streamdash.inference.diagnostics import Score, score
-from streamdash.inference.estimator import Estimator, Training, cell_of, split_streams
+from streamdash.inference.estimator import Estimator, Training, split_streams
+from streamdash.inference.files import SHIPPED
 from streamdash.inference.network import train
 from streamdash.inference.prior_ensemble import PriorEnsemble, observed
 from streamdash.statistics.features import FeatureSet
 
 Progress = Callable[[int, int], None]
+METHODS = SHIPPED / "methods.json"
+"""The comparison of methods that is shipped, by stream."""
 
 NETWORKS: Mapping[str, FeatureSet] = {
     "network on P(k)": FeatureSet(n_pca=0, summaries=("power",)),
@@ -85,6 +90,21 @@ def compare(
         found[method] = score(other.posterior(q), edges, true)
     found["streamdash: network on profile and features"] = score(estimator.posterior(q), edges, true)
     return Comparison(name, found)
+
+
+def shipped_methods(stream: str) -> dict[str, dict[str, float]]:
+    """What each method is worth for a named stream in its usual bins, as `streamdash estimator table` found.
+
+    Returns
+    -------
+    dict
+        Method to ``bits``, ``error``, ``width``, ``coverage68``, ``coverage95``; empty where it has not been
+        compared.
+    """
+    try:
+        return dict(json.loads(METHODS.read_text(encoding="utf-8")).get(stream, {}))
+    except (OSError, ValueError):
+        return {}
 
 
 def _on_scales(

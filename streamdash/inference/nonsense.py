@@ -109,8 +109,17 @@ class Critic:
         return np.maximum(1 - 2 * beyond, 0)
 
 
-def alternatives(clean: np.ndarray, design: Design, prior: Prior, rng: np.random.Generator) -> np.ndarray:
-    """One alternative for each clean stream (n, n_bin), observed; a quarter of each kind, about."""
+def alternatives(
+    clean: np.ndarray,
+    design: Design,
+    prior: Prior,
+    rng: np.random.Generator,
+    factors: np.ndarray | None = None,
+) -> np.ndarray:
+    """One alternative for each clean stream (n, n_bin), observed; a quarter of each kind, about.
+
+    `factors` as in `streamdash.inference.prior_ensemble.observed`.
+    """
     kind = rng.integers(4, size=len(clean))
     made = np.ones_like(clean)
     made[kind == 0] = clean[kind == 0][:, ::-1]
@@ -119,9 +128,10 @@ def alternatives(clean: np.ndarray, design: Design, prior: Prior, rng: np.random
     noisy = kind == 3
     low, high = np.log(EXCESS_NOISE)
     factor = np.exp(rng.uniform(low, high, (int(noisy.sum()), 1)))
+    sigma = design.sigma if factors is None else factors[noisy][:, None] * design.sigma
     # On top of the errors that come with being observed.
-    made[noisy] += np.sqrt(factor**2 - 1) * design.sigma * rng.standard_normal((len(factor), clean.shape[1]))
-    return observed(made, design, prior, rng)
+    made[noisy] += np.sqrt(factor**2 - 1) * sigma * rng.standard_normal((len(factor), clean.shape[1]))
+    return observed(made, design, prior, rng, factors)
 
 
 def scrambled(clean: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -122,6 +122,27 @@ class Posterior:
             raise ValueError(f"{name}: no cell of the posterior lies between {low:g} and {high:g}")
         return Posterior(self.grid, p / p.sum())
 
+    def without(self, name: str) -> Posterior:
+        """The posterior of the other parameters, whatever this one is; the same where it is none of them."""
+        if name not in self.grid:
+            return self
+        names = [other for other in self.names if other != name]
+        return Posterior({other: self.grid[other] for other in names}, self.marginal(*names))
+
+    def at(self, name: str, value: float) -> Posterior:
+        """The posterior of the other parameters when this one is known, to its cell.
+
+        Raises
+        ------
+        ValueError
+            When the value is outside the grid.
+        """
+        edges = self.grid[name]
+        cell = int(np.searchsorted(edges, value, side="right")) - 1
+        if not 0 <= cell < len(edges) - 1:
+            raise ValueError(f"{name}: {value:g} is not between {edges[0]:g} and {edges[-1]:g}")
+        return self.given(name, float(edges[cell]), float(edges[cell + 1])).without(name)
+
     def joined(self, *others: Posterior) -> Posterior:
         """The posterior of several streams that share the parameters: the product of their likelihoods.
 

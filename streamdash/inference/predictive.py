@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 
-from streamdash.inference.estimator import cell_of
+from streamdash.inference.cells import cell_of
 from streamdash.inference.posterior import Posterior
 from streamdash.inference.prior_ensemble import PriorEnsemble
 from streamdash.survey.design import Design, divided
@@ -13,9 +14,13 @@ BAND = (0.025, 0.16, 0.5, 0.84, 0.975)
 """Quantiles of the bands."""
 
 
-def stream_weights(posterior: Posterior, ensemble: PriorEnsemble) -> np.ndarray:
-    """How much every stream of a prior ensemble counts (n_streams,), so that they make up the posterior."""
-    truth = ensemble.parameters()
+def stream_weights(posterior: Posterior, truth: pd.DataFrame) -> np.ndarray:
+    """How much every stream of the prior counts (n_streams,), so that they make up the posterior.
+
+    Parameters
+    ----------
+    truth : true parameters, a row for every stream.
+    """
     cells = tuple(
         cell_of(truth[name].to_numpy(), np.asarray(posterior.grid[name])) for name in posterior.names
     )
@@ -33,9 +38,17 @@ def predictive_bands(
     clean : `PriorEnsemble.clean` of the design, where it is known already.
     """
     clean = ensemble.clean(design) if clean is None else clean
-    profiles = divided(clean, design.fit)
-    weight = stream_weights(posterior, ensemble)
-    order = np.argsort(profiles, axis=0)
+    return weighted_bands(divided(clean, design.fit), stream_weights(posterior, ensemble.parameters()))
+
+
+def weighted_bands(profiles: np.ndarray, weight: np.ndarray, order: np.ndarray | None = None) -> np.ndarray:
+    """Quantiles `BAND` of weighted profiles (n, n_bin) in every bin, (len(BAND), n_bin).
+
+    Parameters
+    ----------
+    order : ``np.argsort(profiles, axis=0)``, where it is known already.
+    """
+    order = np.argsort(profiles, axis=0) if order is None else order
     cumulative = np.cumsum(weight[order], axis=0)
     values = np.take_along_axis(profiles, order, axis=0)
     found = [[int(np.searchsorted(column, q)) for column in cumulative.T] for q in BAND]

@@ -124,15 +124,27 @@ class PriorEnsemble:
         """True parameters, a row for every stream and a column for each open parameter."""
         return pd.concat([stream_parameters(m.config) for m in self.members], ignore_index=True)
 
+    def truth(self, with_age: bool = False) -> pd.DataFrame:
+        """The same; with a column for the age before them, where it is inferred too."""
+        found = self.parameters()
+        if with_age:
+            found.insert(0, "age_gyr", self.age_gyr)
+        return found
+
     def clean(self, design: Design) -> np.ndarray:
         """Every stream in the design's bins (n_streams, n_bin): no noise, nothing divided out."""
-        parts = []
-        for member in self.members:
-            q = observe_as(member.geometry, member.streams, design)
-            if design.quantity == "density":  # its unit means nothing: the smooth stream's mean is 1
-                q = q / np.float32(smooth_as(member.geometry, member.streams, design).mean())
-            parts.append(q)
-        return np.concatenate(parts).astype(np.float32, copy=False)
+        return np.concatenate([clean_streams(m.geometry, m.streams, design) for m in self.members])
+
+
+def clean_streams(geometry: Geometry, streams: xr.Dataset, design: Design) -> np.ndarray:
+    """Streams of an ensemble in a design's bins (n_streams, n_bin): no noise, nothing divided out.
+
+    A density is in units of the smooth stream's mean: its own unit means nothing.
+    """
+    q = observe_as(geometry, streams, design)
+    if design.quantity == "density":
+        q = q / np.float32(smooth_as(geometry, streams, design).mean())
+    return q.astype(np.float32, copy=False)
 
 
 def configs(prior: Prior, stream: StreamModel, n_streams: int, seed: int) -> list[EnsembleConfig]:
@@ -148,7 +160,13 @@ def configs(prior: Prior, stream: StreamModel, n_streams: int, seed: int) -> lis
     ]
 
 
-def observed(q: np.ndarray, design: Design, prior: Prior, rng: np.random.Generator) -> np.ndarray:
+def observed(
+    q: np.ndarray,
+    design: Design,
+    prior: Prior,
+    rng: np.random.Generator,
+    factors: np.ndarray | float | None = None,
+) -> np.ndarray:
     """Clean streams as they would be observed: the prior's nuisances and the design's noise, then divided.
 
     Parameters
@@ -156,17 +174,27 @@ def observed(q: np.ndarray, design: Design, prior: Prior, rng: np.random.Generat
     q : ndarray (n_streams, n_bin)
         As `PriorEnsemble.clean` gives them.
     rng : draws wave, size of the errors, and noise of every stream.
+    factors : ndarray (n_streams,) or float, optional
+        Errors relative to the design's, where they are known and not drawn from the prior.
     """
     if prior.background:
         q = (q * _waves(len(q), design, prior, rng)).astype(np.float32)
     draws = rng.standard_normal(q.shape, dtype=np.float32)
     low, high = prior.noise_factor
-    if high > low:
+    if factors is not None:
+        draws *= np.broadcast_to(np.asarray(factors, np.float32), len(q))[:, None]
+    elif high > low:
         factors = np.exp(rng.uniform(np.log(low), np.log(high), (len(q), 1)))
         draws *= factors.astype(np.float32)
     elif low != 1.0:
         draws *= np.float32(low)
     return measured(q, draws, design.sigma, design.fit)
+
+
+def noise_factors(n: int, prior: Prior, rng: np.random.Generator) -> np.ndarray:
+    """Errors of `n` streams relative to the design's, drawn from the prior (uniform in the logarithm)."""
+    low, high = np.log(prior.noise_factor)
+    return np.exp(rng.uniform(low, high, n))
 
 
 def _waves(n: int, design: Design, prior: Prior, rng: np.random.Generator) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from streamdash.inference.cells import AGE
 from streamdash.inference.posterior import UNINFORMED, Posterior
 from streamdash.naming import label_text
 from streamdash.population import mass_label
@@ -28,11 +29,14 @@ UNITS: Mapping[str, str] = {
 
 def sentences(posterior: Posterior, prior: Prior) -> list[str]:
     """What a posterior says of each parameter, a sentence or two each."""
-    return [words for name in posterior.names for words in sentences_on(posterior, name, prior)]
+    names = sorted(posterior.names, key=lambda name: name == AGE)  # the age is asked for last
+    return [words for name in names for words in sentences_on(posterior, name, prior)]
 
 
 def sentences_on(posterior: Posterior, name: str, prior: Prior) -> list[str]:
     """What it says of one parameter: an interval, a limit, or that the data do not constrain it."""
+    if name == AGE:
+        return [_of_age(posterior, prior)]
     subject = _subject(name, prior)
     if posterior.information_on(name) < UNINFORMED:
         return [f"The data do not constrain the {subject}."]
@@ -56,6 +60,16 @@ def sentences_on(posterior: Posterior, name: str, prior: Prior) -> list[str]:
     low, high = posterior.interval(name)
     middle = _value(name, posterior.median(name))
     return [f"The {subject} is {middle} ({_value(name, low, unit=False)} to {_value(name, high)} at 68 %)."]
+
+
+def _of_age(posterior: Posterior, prior: Prior) -> str:
+    """The most probable age, or that the data do not tell."""
+    if posterior.information_on(AGE) < UNINFORMED:
+        return "The data do not constrain the stream's age."
+    p = posterior.marginal(AGE)
+    best = int(p.argmax())
+    age = sorted(prior.ages_gyr)[best]
+    return f"The stream's age is {age:g} Gyr with probability {p[best]:.0%}."
 
 
 def _of_warm_dark_matter(posterior: Posterior, name: str) -> list[str]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from streamdash.config import ConfigError
+from streamdash.config import ConfigError, StreamModel
 from streamdash.inference.estimator import STRANGE, Estimator, Training, estimator_key
 from streamdash.inference.files import (
     DEFAULT_PRIOR,
@@ -20,6 +20,7 @@ from streamdash.inference.files import (
     kept,
     load_estimator,
 )
+from streamdash.inference.held_out import HeldOut, keep_streams, kept_streams
 from streamdash.inference.posterior import Posterior
 from streamdash.inference.prior_ensemble import PriorEnsemble
 from streamdash.inference.words import sentences
@@ -30,6 +31,7 @@ from streamdash.prior import PRIORS, Prior
 from streamdash.simulation.geometry import load_geometry
 from streamdash.store.cache import Cache
 from streamdash.streams import named_stream
+from streamdash.survey.design import Design
 
 N_STREAMS = 20_000
 """Streams of the prior that an estimator for somebody's own design learns from."""
@@ -142,22 +144,49 @@ def infer(
     observation = interpret(table, assume(table, changes), load_geometry(model, cache))
     design = observation.design
     estimator = _shipped(stream, asked, observation, arm)
-    key = estimator_key(asked, model, design, n_streams, QUICK)
-    estimator = estimator or kept(key, kept_in)
     if estimator is None:
-        report = progress or (lambda _what, _done, _all: None)
-        ensemble = PriorEnsemble.load(
-            asked,
-            model,
-            n_streams,
-            cache,
-            progress=lambda d, n: report("Simulating streams of the prior", d, n),
-        )
-        estimator = Estimator.fit(
-            ensemble, design, QUICK, lambda d, n: report("Learning from streams so observed", d, n)
-        )
-        keep(key, estimator, kept_in)
+        estimator, _ = learnt(asked, model, design, cache, n_streams, progress, kept_in)
     return answer(estimator, observation)
+
+
+def learnt(
+    prior: Prior,
+    model: StreamModel,
+    design: Design,
+    cache: Cache | None = None,
+    n_streams: int = N_STREAMS,
+    progress: Report | None = None,
+    kept_in: Path | None = None,
+    nice: int = 0,
+) -> tuple[Estimator, HeldOut]:
+    """The estimator for a design and streams that it has not seen: kept ones, or learnt now and kept.
+
+    Parameters
+    ----------
+    n_streams : streams of the prior, simulated before unless the cache has them.
+    progress : called all the time; what it raises ends the work.
+    nice : how much the simulating processes stand back for others.
+    """
+    key = estimator_key(prior, model, design, n_streams, QUICK)
+    there = kept(key, kept_in), kept_streams(key, kept_in)
+    if there[0] is not None and there[1] is not None:
+        return there[0], there[1]
+    report = progress or (lambda _what, _done, _all: None)
+    ensemble = PriorEnsemble.load(
+        prior,
+        model,
+        n_streams,
+        cache,
+        progress=lambda d, n: report("Simulating streams of the prior", d, n),
+        nice=nice,
+    )
+    estimator = Estimator.fit(
+        ensemble, design, QUICK, lambda d, n: report("Learning from streams so observed", d, n)
+    )
+    streams = HeldOut.of_test(ensemble, estimator, QUICK.seed)
+    keep(key, estimator, kept_in)
+    keep_streams(key, streams, kept_in)
+    return estimator, streams
 
 
 def answer(estimator: Estimator, observation: Observation) -> Inference:

@@ -87,6 +87,10 @@ class Design:
         """
         return replace(self, sigma=_errors(noise, self.n_bin))
 
+    def part(self, bins: slice) -> Design:
+        """The design with some of its bins."""
+        return replace(self, low=self.low[bins], high=self.high[bins], sigma=self.sigma[bins])
+
     @property
     def n_bin(self) -> int:
         """Number of bins."""

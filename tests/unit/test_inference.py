@@ -8,8 +8,9 @@ from scipy import stats
 from streamdash.config import StreamModel
 from streamdash.inference import estimator as module
 from streamdash.inference.abc import Abc
+from streamdash.inference.cells import cell_of
 from streamdash.inference.diagnostics import bits, coverage, joint_bits, ranks, scores, tarp
-from streamdash.inference.estimator import Estimator, Training, cell_of, split_streams
+from streamdash.inference.estimator import Estimator, Training, split_streams
 from streamdash.inference.files import EstimatorFileError, load, save
 from streamdash.inference.nonsense import alternatives, scrambled
 from streamdash.inference.posterior import make_grid

@@ -1,0 +1,344 @@
+"""From a session's choices to a posterior: which estimator answers, for which profile. No Panel here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from app.pages.infer.state import ERRORS
+from app.services.services import Services
+from app.session.catalog import Choice
+from app.session.session import Session
+from app.work.tasks import Compute
+from streamdash.classifier.data import Cancelled
+from streamdash.config import StreamModel
+from streamdash.inference.cells import AGE
+from streamdash.inference.diagnostics import Score, marginals, ranks, scores
+from streamdash.inference.estimator import STRANGE, Estimator
+from streamdash.inference.files import EstimatorFileError, load_estimator
+from streamdash.inference.held_out import NOISE_SEED, HeldOut, load_streams, seen
+from streamdash.inference.posterior import Posterior
+from streamdash.inference.predictive import stream_weights, weighted_bands
+from streamdash.inference.prior_ensemble import clean_streams, default_design
+from streamdash.observe.infer import learnt
+from streamdash.observe.observation import Observation
+from streamdash.prior import PRIORS
+from streamdash.streams import stream_of
+from streamdash.survey.design import Design
+from streamdash.survey.lsst import TODAY, YEARS, noise_factor
+
+N_STREAMS = 5000
+"""Streams of the prior that are simulated, where the cache has none, for somebody's own bins."""
+
+
+@dataclass(frozen=True, eq=False)
+class Oracle:
+    """What answers: an estimator, and streams that it has not learnt from."""
+
+    estimator: Estimator
+    streams: HeldOut
+    shipped: bool
+    told: bool
+
+    @property
+    def key(self) -> tuple[str | bool, ...]:
+        """All that its streams and answers depend on."""
+        e = self.estimator
+        return e.stream.key, e.prior.key, e.design.key, self.shipped, self.told
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Smallest and largest errors that it answers for, relative to its design's."""
+        if not self.estimator.noise_told:
+            return 1.0, 1.0
+        low, high = self.estimator.prior.noise_factor
+        return max(low, ERRORS[0]), min(high, ERRORS[1])
+
+    @property
+    def ages(self) -> tuple[float, ...]:
+        """Ages that can be fixed, none where it knows but one."""
+        return tuple(sorted(self.estimator.prior.ages_gyr)) if AGE in self.estimator.grid else ()
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """A profile that is asked about, as measured.
+
+    Attributes
+    ----------
+    q : ndarray (n_bin,)
+    name : str
+        What it is, in a few words.
+    truth : mapping or None
+        Its parameters, where they are known.
+    code : tuple of str
+        Lines of Python that make ``q`` for ``estimator``.
+    """
+
+    q: np.ndarray
+    name: str
+    truth: dict[str, float] | None
+    code: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What is said of a profile.
+
+    Attributes
+    ----------
+    posterior : Posterior
+        With the age fixed, or summed over where it is not shown.
+    bands : ndarray (5, n_bin)
+    strangeness : float
+    """
+
+    oracle: Oracle
+    data: Data
+    posterior: Posterior
+    bands: np.ndarray
+    strangeness: float
+    noise_factor: float
+    age: float | None
+    joint: Posterior
+    """With every age that it knows."""
+
+    @property
+    def strange(self) -> bool:
+        """Whether the profile is unlike the prior's streams, so that nothing is said of it."""
+        return self.strangeness > STRANGE
+
+    @property
+    def truth(self) -> dict[str, float] | None:
+        """True values of the posterior's parameters, where they are known."""
+        truth = self.data.truth
+        return {name: truth[name] for name in self.posterior.names} if truth else None
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Errors of the bins (n_bin,)."""
+        return self.noise_factor * self.oracle.estimator.design.sigma
+
+
+def shipped(services: Services, model: StreamModel, prior: str) -> Oracle | None:
+    """The oracle that comes with the package for a stream and a prior, if there is one."""
+    name = stream_of(model).name
+
+    def compute() -> Oracle | None:
+        for told in (True, False):
+            try:
+                estimator = load_estimator(name, prior, told)
+                streams = load_streams(name, prior, told)
+            except (EstimatorFileError, ValueError):
+                continue
+            if same_arm(estimator.stream, model):
+                return Oracle(estimator, streams, True, told)
+        return None
+
+    return services.shared(("infer-shipped", name, model.arm, prior), compute)
+
+
+def same_arm(one: StreamModel, other: StreamModel) -> bool:
+    """Whether two models are one arm of one stream, at whatever age."""
+    return one.arm == other.arm and one.progenitor == other.progenitor and one.potential == other.potential
+
+
+def training(services: Services, model: StreamModel, prior: str, design: Design) -> tuple[Hashable, Compute]:
+    """Key and computation of an oracle for somebody's own bins, for `app.work.tasks.Work.ask`."""
+
+    def compute(progress: Callable[[int, int], None], should_stop: Callable[[], bool]) -> Oracle:
+        def report(what: str, done: int, total: int) -> None:
+            if should_stop():
+                raise Cancelled
+            # Simulating takes about half of the time, where it must be done at all.
+            share = done / max(total, 1)
+            progress(round(500 * share if what.startswith("Sim") else 500 + 500 * share), 1000)
+
+        estimator, streams = learnt(
+            PRIORS[prior], model, design, services.cache, N_STREAMS, report, nice=services.jobs.limits.nice
+        )
+        return Oracle(estimator, streams, False, False)
+
+    return ("infer", model.key, prior, design.key), compute
+
+
+def usual_design(services: Services, model: StreamModel, oracle: Oracle | None) -> Design:
+    """How the stream is observed unless a file says otherwise."""
+    return oracle.estimator.design if oracle else default_design(services.geometry(model))
+
+
+def part_of(n_bin: int, window: str) -> slice:
+    """Bins of a window."""
+    half = n_bin // 2
+    return {"whole": slice(None), "first": slice(0, half), "second": slice(half, None)}[window]
+
+
+def mock(oracle: Oracle, base: Oracle, number: int, window: str, factor: float) -> Data:
+    """A held-out stream of the base oracle, of the stream's own age, seen as the oracle's design says."""
+    truths = base.streams.truth
+    usual = np.arange(len(truths))
+    if AGE in truths:
+        usual = np.flatnonzero(truths[AGE] == base.estimator.stream.age_gyr)
+    index = int(usual[(number - 1) % len(usual)])
+    clean = base.streams.clean[index : index + 1]
+    truth = {name: float(value) for name, value in truths.iloc[index].items()}
+    part = part_of(clean.shape[1], window)
+    return Data(
+        _seen(oracle, clean[:, part], factor, index),
+        f"mock {number}",
+        truth,
+        (
+            f"clean = mocks.clean[{index}:{index + 1}, {words_of(part)}]",
+            f"q = seen(clean, estimator, {factor:g}, np.random.default_rng([NOISE_SEED, {index}]))[0]",
+        ),
+    )
+
+
+def simulated(
+    services: Services, oracle: Oracle, whole: Design, choice: Choice, number: int, window: str, factor: float
+) -> Data:
+    """A stream of an ensemble of the cache, seen as the oracle's design says."""
+
+    def compute() -> np.ndarray:
+        return clean_streams(services.geometry(choice.config.stream), services.ensemble(choice.key), whole)
+
+    clean = services.shared(("infer-clean", choice.key, whole.bins_key), compute)
+    index = (number - 1) % len(clean)
+    part = part_of(clean.shape[1], window)
+    return Data(
+        _seen(oracle, clean[index : index + 1, part], factor, index),
+        f"stream {index + 1} of {choice.label}",
+        None,
+        (
+            f'entry = cache.find("{choice.key}")  # {choice.label}',
+            "geometry = load_geometry(entry.config.stream, cache)",
+            f"ensemble = cache.open_ensemble(entry.config).isel(stream=[{index}])",
+            f"clean = clean_streams(geometry, ensemble, whole)[:, {words_of(part)}]",
+            f"q = seen(clean, estimator, {factor:g}, np.random.default_rng([NOISE_SEED, {index}]))[0]",
+        ),
+    )
+
+
+def uploaded(observation: Observation, example: bool) -> Data:
+    """The profile of a file."""
+    name = "the example" if example else "the uploaded profile"
+    return Data(observation.q.astype(np.float32), name, None, ())
+
+
+def answer(services: Services, oracle: Oracle, data: Data, factor: float, age: float | None) -> Answer:
+    """Posterior, strangeness and predictive bands of a profile."""
+    estimator = oracle.estimator
+    joint = estimator.posteriors(data.q[None], factor)[0]
+    posterior = at_age(joint, age)
+    profiles, order = sorted_profiles(services, oracle, factor)
+    kept = joint if age is None else joint.given(AGE, *cell_ends(joint, age))
+    weight = stream_weights(kept, oracle.streams.truth)
+    return Answer(
+        oracle,
+        data,
+        posterior,
+        weighted_bands(profiles, weight, order),
+        float(estimator.strangeness(data.q[None], factor)[0]),
+        factor,
+        age,
+        joint,
+    )
+
+
+def sorted_profiles(services: Services, oracle: Oracle, factor: float) -> tuple[np.ndarray, np.ndarray]:
+    """The held-out streams as measured, and their order in every bin: the same for every posterior."""
+    estimator = oracle.estimator
+
+    def compute() -> tuple[np.ndarray, np.ndarray]:
+        q = oracle.streams.observed(estimator, factor)
+        return q, np.argsort(q, axis=0)
+
+    return services.shared(("infer-held-out", *oracle.key, factor), compute)
+
+
+def cell_ends(joint: Posterior, age: float) -> tuple[float, float]:
+    """Ends of the age's cell."""
+    edges = joint.grid[AGE]
+    cell = int(np.searchsorted(edges, age, side="right")) - 1
+    return float(edges[cell]), float(edges[cell + 1])
+
+
+def at_age(joint: Posterior, age: float | None) -> Posterior:
+    """The posterior when the age is known, without the age; as it is when it is not."""
+    return joint if age is None else joint.at(AGE, age)
+
+
+def moved(
+    given: Answer, data_at: Callable[[Oracle, float], Data | None] | None = None
+) -> list[tuple[str, Posterior]]:
+    """The answer under other assumptions: as asked, at each age, and with the errors of other surveys.
+
+    Parameters
+    ----------
+    data_at : callable, optional
+        Gives the same stream with errors of another size; None where there is but one measurement.
+    """
+    oracle = given.oracle
+    estimator = oracle.estimator
+    rows = [("as asked", given.posterior.without(AGE))]
+    joint = given.joint
+    rows += [(f"age {age:g} Gyr", at_age(joint, age)) for age in oracle.ages]
+    if oracle.ages:
+        rows.append(("age unknown", joint.without(AGE)))
+    stream = stream_of(estimator.stream).name
+    if data_at is not None and estimator.noise_told and stream in TODAY:
+        for years in YEARS:
+            factor = round(noise_factor(stream, years), 3)
+            data = data_at(oracle, factor) if oracle.errors[0] <= factor <= oracle.errors[1] else None
+            if data is not None:
+                other = estimator.posteriors(data.q[None], factor)[0]
+                label = f"LSST, year {years}: errors × {factor:.2f}"
+                rows.append((label, at_age(other, given.age).without(AGE)))
+    return rows
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Scores of every parameter, and ranks of the first one's truth, on held-out streams."""
+
+    scores: dict[str, Score]
+    ranks: np.ndarray
+    name: str
+
+
+def calibration(services: Services, oracle: Oracle, factor: float) -> Calibration:
+    """How well the oracle's posteriors do on the streams it has not learnt from, at these errors."""
+    estimator = oracle.estimator
+
+    def compute() -> Calibration:
+        q, _ = sorted_profiles(services, oracle, factor)
+        p = estimator.posterior(q, factor)
+        name = next(name for name in estimator.names if name != AGE)
+        truth = oracle.streams.truth
+        marginal = marginals(p, estimator.grid, name)
+        rank = ranks(marginal, np.asarray(estimator.grid[name]), truth[name].to_numpy())
+        found = scores(p, estimator.grid, truth)
+        return Calibration({n: score for n, score in found.items() if n != AGE}, rank, name)
+
+    return services.shared(("infer-calibration", *oracle.key, factor), compute)
+
+
+def words_of(part: slice) -> str:
+    """A slice as it is written."""
+    return f"{'' if part.start is None else part.start}:{'' if part.stop is None else part.stop}"
+
+
+def _seen(oracle: Oracle, clean: np.ndarray, factor: float, index: int) -> np.ndarray:
+    q: Any = seen(clean, oracle.estimator, factor, np.random.default_rng([NOISE_SEED, index]))
+    return q[0]
+
+
+def choice_of(session: Session) -> Choice | None:
+    """The ensemble that a simulated stream is taken from."""
+    stream = session.catalog.stream(session.stream)
+    if stream is None or not stream.ensembles:
+        return None
+    return stream.ensembles[min(session.infer_class, len(stream.ensembles) - 1)]

@@ -1,0 +1,302 @@
+"""Infer page: the posterior of what hit a stream, live for shipped estimators, trained for one's own bins."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import panel as pn
+from panel.viewable import Viewable
+
+from app import ui
+from app.page import Page
+from app.pages.infer import answers
+from app.pages.infer.answers import Answer, Data, Oracle
+from app.pages.infer.cards import Cards, html
+from app.pages.infer.code import Asked
+from app.pages.infer.controls import Controls
+from app.pages.infer.joined import Joined
+from app.pages.infer.parts import answer_html, methods_html, page_grid
+from app.pages.observe.reading import Reading, changes_of, file_of, read
+from app.pages.observe.state import AUTO, LINKED, Upload
+from app.services.services import Unavailable
+from app.work.later import Later
+from app.work.tasks import Task, Watch
+from streamdash.config import StreamModel
+from streamdash.inference.methods import shipped_methods
+from streamdash.streams import stream_of
+from streamdash.survey.design import Design
+
+BLANK: dict[str, Any] = {"columns": {}, **dict.fromkeys(LINKED.values(), AUTO)}
+CHOICES = ("prior", "data", "number", "class", "errors", "age", "window", "kept")
+FILE = frozenset({"example", "upload", "columns", "infer_data", *LINKED.values()})
+"""What decides which file is read, and how."""
+
+
+class InferPage(Page):
+    """Choose stream, prior and data; read off what the data say, and what would change it."""
+
+    key, title = "infer", "Infer"
+    uses = FILE | {"theme", *(f"infer_{name}" for name in CHOICES)}
+
+    def view(self) -> Viewable:
+        self.reading = Reading()
+        self.model = self._model()
+        self.watch = Watch(self._show_task)
+        self.cards = Cards(self._asked)
+        self.later_file = Later(self.services, self._show_reading, self._refuse)
+        self.later_rows = Later(self.services, self.cards.show_rows, self.cards.fail_rows)
+        self.later_ranks = Later(self.services, self.cards.show_ranks, self.cards.fail_ranks)
+        self.answer = html("sd-answer")
+        self.problem = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.joined = Joined(self.session)
+        self.controls = Controls(
+            self,
+            receive=self._receive,
+            refuse=self._refuse,
+            announce=self._await,
+            example=self._example,
+            train=self.train,
+            cancel=self.watch.cancel,
+            keep=self.put_aside,
+        )
+        self.controls.arrange(self.base)
+        self._renew()
+        cards = self.cards
+        rest = [cards.band_card, cards.moves_card, self.joined.card, cards.rank_card]
+        return page_grid(
+            self.controls.parts,
+            [self.answer, self.problem, cards.corner_card.view],
+            [*(card.view for card in rest), *self._methods()],
+        )
+
+    def update(self, changed: frozenset[str]) -> None:
+        if changed == {"theme"}:
+            self.cards.draw_bands(self._dark)
+        elif changed == {"infer_kept"}:
+            self._show_joined()
+        else:
+            self.controls.arrange(self.base)
+            if changed & FILE:
+                self._renew()
+            else:
+                self._answer()
+
+    def close(self) -> None:
+        for later in (self.later_file, self.later_rows, self.later_ranks):
+            later.cancel()
+        self.watch.leave()
+        super().close()
+
+    @property
+    def found(self) -> Answer | None:
+        """The answer that is shown."""
+        return self.cards.found
+
+    @property
+    def _dark(self) -> bool:
+        return self.session.theme == "dark"
+
+    # ------------------------------------------------------------ who answers
+
+    @property
+    def base(self) -> Oracle | None:
+        """The oracle that comes with the package for the stream and the prior."""
+        return answers.shipped(self.services, self.model, self.session.infer_prior)
+
+    def _model(self) -> StreamModel:
+        stream = self.session.catalog.stream(self.session.stream)
+        if stream is None:
+            raise Unavailable("There is no stream in the cache; run “streamdash simulate” for one.")
+        return stream.model
+
+    def _design(self) -> Design | None:
+        """The bins that are asked about, or None while no file could be read."""
+        if self.session.infer_data == "upload":
+            observation = self.reading.observation
+            return observation.design if observation else None
+        usual = answers.usual_design(self.services, self.model, self.base)
+        return usual.part(answers.part_of(usual.n_bin, self.session.infer_window))
+
+    def _oracle(self) -> Oracle | None:
+        """What answers for these bins, if it is known already; else it must be trained."""
+        design = self._design()
+        if design is None:
+            return None
+        base = self.base
+        if base is not None and base.estimator.design.key == design.key:
+            return base
+        key, _ = answers.training(self.services, self.model, self.session.infer_prior, design)
+        task = self.services.laboratory.find(key)
+        return task.result if task is not None and task.state == "done" else None
+
+    def train(self) -> None:
+        """Have an estimator trained for the bins that are asked about, or join those who wait for it."""
+        design = self._design()
+        if design is not None:
+            question = answers.training(self.services, self.model, self.session.infer_prior, design)
+            self.watch.follow(self.services.laboratory.ask(*question))
+
+    def _data(self, oracle: Oracle, factor: float) -> Data | None:
+        session, base = self.session, self.base
+        if session.infer_data == "upload":
+            observation = self.reading.observation
+            return answers.uploaded(observation, session.example == "yes") if observation else None
+        if session.infer_data == "simulated":
+            choice = answers.choice_of(session)
+            if choice is None:
+                return None
+            whole = answers.usual_design(self.services, self.model, base)
+            return answers.simulated(
+                self.services, oracle, whole, choice, session.infer_number, session.infer_window, factor
+            )
+        if base is None and session.infer_window != "whole":
+            return None  # its mocks have the bins that it was trained for
+        return answers.mock(oracle, base or oracle, session.infer_number, session.infer_window, factor)
+
+    def _factor(self, oracle: Oracle) -> float:
+        if self.session.infer_data == "upload":
+            return 1.0
+        low, high = oracle.errors
+        return min(max(self.session.infer_errors, low), high)
+
+    def _age(self, oracle: Oracle) -> float | None:
+        """The age that is taken as known, if it is one that the oracle knows."""
+        chosen = self.session.infer_age
+        if chosen == "open":
+            return None
+        age = oracle.estimator.stream.age_gyr if chosen == "usual" else float(chosen)
+        return age if age in oracle.ages else None
+
+    # ------------------------------------------------------------ answering
+
+    def _answer(self) -> None:
+        """Answer now if there is an estimator for these bins; else offer to train one."""
+        oracle = self._oracle()
+        self._offer(oracle)
+        data = self._data(oracle, self._factor(oracle)) if oracle else None
+        for later in (self.later_rows, self.later_ranks):
+            later.cancel()
+        if oracle is None or data is None:
+            self.cards.withdraw()
+            self.controls.keep.disabled = True
+            self.answer.write("")
+        else:
+            found = answers.answer(self.services, oracle, data, self._factor(oracle), self._age(oracle))
+            self.answer.write(answer_html(found))
+            self.controls.keep.disabled = found.strange
+            self.cards.show(found, self._dark)
+            self._ask(found)
+        self._show_joined()
+
+    def _ask(self, found: Answer) -> None:
+        """What moves the answer, and whether it is calibrated, once the controls rest."""
+        same = None if self.session.infer_data == "upload" else self._data
+        if not found.strange:
+            self.later_rows.ask(lambda: answers.moved(found, same))
+        self.later_ranks.ask(lambda: answers.calibration(self.services, found.oracle, found.noise_factor))
+
+    def put_aside(self) -> None:
+        """Keep the answer, to be joined with those of other streams."""
+        found = self.cards.ready()
+        name = f"{stream_of(found.oracle.estimator.stream).title}, {found.data.name}"
+        if self.session.infer_window != "whole":
+            name += f", {self.session.infer_window} half"
+        self.joined.put_aside(name, found.posterior)
+
+    def _show_joined(self) -> None:
+        found = self.found
+        if found is None:
+            self.joined.show(None, None)
+        else:
+            self.joined.show(found.posterior, found.oracle.estimator.prior)
+
+    # ------------------------------------------------------------ files
+
+    def _receive(self, data: bytes) -> None:
+        upload, session = Upload(data, self.controls.drop.file_name), self.session
+        if (session.infer_data, session.example, session.upload) == ("upload", "no", upload):
+            self._renew()  # the same again: nothing changes, but it was awaited
+        session.param.update(infer_data="upload", example="no", upload=upload, **BLANK)
+
+    def _example(self) -> None:
+        self.session.param.update(infer_data="upload", example="yes", upload=None, **BLANK)
+
+    def _refuse(self, sentence: str) -> None:
+        self._show_reading(Reading(problem=sentence))
+
+    def _await(self, name: str) -> None:
+        """Another file was chosen and is on its way: nothing that is shown of the last one counts."""
+        self.reading = Reading()
+        self._answer()
+        self.controls.status.text = f"Reading “{name}” …"
+
+    def _renew(self) -> None:
+        """Answer for what is chosen; a file is read off the event loop first."""
+        self.later_file.cancel()
+        self.problem.clear()
+        self.reading = Reading()
+        file = file_of(self.session) if self.session.infer_data == "upload" else None
+        self.controls.status.text = "" if file is None else "Reading …"
+        self._answer()
+        if file is not None:
+            changes, geometry = changes_of(self.session), self.services.geometry(self.model)
+            self.later_file.ask(lambda: read(file, changes, geometry))
+
+    def _show_reading(self, reading: Reading) -> None:
+        self.reading = reading
+        self.problem[:] = [ui.error_state(reading.problem)] if reading.problem else []
+        self.controls.assumptions.show(reading)
+        observation = reading.observation
+        self.controls.status.text = f"{observation.design.n_bin} bins were read." if observation else ""
+        self._answer()
+
+    # ------------------------------------------------------------ training
+
+    def _offer(self, oracle: Oracle | None) -> None:
+        """The button that trains, where there is nothing that answers for these bins."""
+        design = self._design()
+        self.controls.training.view.visible = oracle is None and design is not None
+        self.controls.training.start.disabled = False
+        self.controls.training.cancel.visible = self.controls.training.bar.visible = False
+        self.controls.training.text.text = (
+            f"No estimator for these {design.n_bin} bins yet: it learns from {answers.N_STREAMS} simulated "
+            "streams, in about a minute, and is kept."
+            if oracle is None and design is not None
+            else ""
+        )
+        if oracle is None and design is not None:
+            key, _ = answers.training(self.services, self.model, self.session.infer_prior, design)
+            task = self.services.laboratory.find(key)
+            if task is not None and task.active:
+                self.watch.follow(task)
+
+    def _show_task(self, task: Task) -> None:
+        self.controls.training.show(task, "Trained.")
+        if task.state == "done":
+            self._answer()
+
+    def _methods(self) -> list[Viewable]:
+        methods = shipped_methods(stream_of(self.model).name)
+        if not methods:
+            return []
+        pane = html("sd-methods")
+        pane.write(methods_html(methods))
+        words = ui.plain_text(
+            "All rows answer for the same streams, which none of them has learnt from: the abundance alone, "
+            "in the stream’s usual bins.",
+            margin=(0, 8),
+        )
+        return [ui.folded("What each method is worth", [words, pane], "methods-part")]
+
+    def _asked(self) -> Asked:
+        session, observation = self.session, self.reading.observation
+        return Asked(
+            self.cards.ready(),
+            self.base,
+            self.model,
+            session.infer_prior,
+            session.infer_data,
+            session.infer_window,
+            observation.assumptions.model_dump_json() if observation else "",
+            session.example == "yes",
+        )

@@ -1,0 +1,190 @@
+"""The Infer page without a browser: its answers, what they are made of, and what it withholds."""
+
+from __future__ import annotations
+
+import base64
+import io
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from app.pages.infer import answers
+from app.pages.infer.joined import together
+from streamdash.inference.files import load_estimator
+from streamdash.inference.held_out import load_streams
+from streamdash.inference.words import sentences
+from streamdash.plots import corner, infer
+from streamdash.survey.mock import EXAMPLE
+
+LINK = "?page=infer"
+
+
+@pytest.fixture
+def page(open_shell):
+    return open_shell(LINK).page
+
+
+def shown(live, label: str, column: str) -> np.ndarray:
+    return np.array(live.sources[label].data[column])
+
+
+def test_another_mock_is_answered_by_the_shipped_estimator_and_the_figures_follow(page):
+    base = page.base
+    for number in (2, 5):
+        page.session.infer_number = number
+        found = page.found
+        q = answers.mock(base, base, number, "whole", 1.0).q
+        expected = base.estimator.posteriors(q[None])[0].at("age_gyr", 9.0)  # the stream's own age
+        np.testing.assert_allclose(found.posterior.p, expected.p)
+        first = sentences(expected, base.estimator.prior)[0]
+        assert first in page.answer.object
+        for name, live in page.cards.corner.diagonals.items():
+            columns = corner.diagonal_columns(expected, name, found.data.truth)
+            for label, new in columns.items():
+                for column, values in new.items():
+                    np.testing.assert_allclose(shown(live, label, column), values)
+        np.testing.assert_allclose(shown(page.cards.live, infer.MEDIAN, "y0"), found.bands[2])
+        truth = base.streams.truth
+        assert found.data.truth == dict(truth[truth.age_gyr == 9].iloc[number - 1])
+    assert page.session.search == f"{LINK}&infer_number=5"
+
+
+def test_bands_hold_the_streams_they_are_made_of(page):
+    q, bands = page.found.data.q, page.found.bands
+    assert (np.diff(bands, axis=0) >= 0).all()
+    assert np.mean((q >= bands[0]) & (q <= bands[4])) > 0.8
+
+
+def test_what_each_assumption_does_is_the_same_posterior_conditioned(page):
+    rows = dict(page.cards.rows)
+    joint = page.found.joint
+    np.testing.assert_allclose(rows["as asked"].p, rows["age 9 Gyr"].p)
+    for age in (3.0, 5.0, 9.0):
+        np.testing.assert_allclose(rows[f"age {age:g} Gyr"].p, joint.at("age_gyr", age).p)
+    np.testing.assert_allclose(rows["age unknown"].p, joint.marginal("log10_rate"))
+    assert any("LSST, year 1:" in name for name in rows) and any("LSST, year 10" in name for name in rows)
+    # An older stream was hit more often: the younger it is thought, the more there must have been.
+    medians = [rows[f"age {age:g} Gyr"].median("log10_rate") for age in (3.0, 5.0, 9.0)]
+    assert medians == sorted(medians, reverse=True)
+
+
+def test_errors_and_age_are_followed(page):
+    base, session = page.base, page.session
+    session.infer_errors = 0.4
+    index = np.flatnonzero(base.streams.truth.age_gyr == 9)[0]
+    q = answers.mock(base, base, 1, "whole", 0.4).q
+    full = answers.mock(base, base, 1, "whole", 0.8).q
+    assert page.found.noise_factor == 0.4
+    np.testing.assert_allclose(page.found.sigma, 0.4 * base.estimator.design.sigma)
+    np.testing.assert_allclose(page.found.joint.p, base.estimator.posteriors(q[None], 0.4)[0].p)
+    assert np.std(full - q) > 0 and page.found.data.truth == dict(base.streams.truth.iloc[index])
+    session.infer_age = "3"
+    assert page.found.posterior.names == ("log10_rate",)
+    np.testing.assert_allclose(page.found.posterior.p, page.found.joint.at("age_gyr", 3.0).p)
+    session.infer_age = "open"
+    assert page.found.posterior.names == ("age_gyr", "log10_rate")
+    assert set(page.cards.corner.pairs) == {("age_gyr", "log10_rate")}
+    assert session.search == f"{LINK}&infer_errors=0.4&infer_age=open"
+
+
+def test_calibration_is_computed_and_said(page):
+    score = page.cards.calibrated.scores["log10_rate"]
+    n = page.base.streams.n_streams
+    assert score.n == n == len(page.cards.calibrated.ranks)
+    # Four standard errors of so many streams about the bounds.
+    assert abs(score.coverage[0] - 0.68) < 0.03 + 4 * np.sqrt(0.68 * 0.32 / n)
+    assert f"{score.coverage[0]:.0%}" in page.cards.rank_card._sentence.text
+    assert "<td>" in page.cards.scores.object
+
+
+def test_downloads_hold_the_numbers_that_are_shown(page):
+    cells = pd.read_csv(io.BytesIO(page.cards.corner_card.files["csv"]()))
+    np.testing.assert_allclose(cells.posterior, page.found.posterior.p.ravel(), rtol=1e-4, atol=1e-9)
+    assert np.isclose(cells.prior.sum(), 1, atol=1e-4)
+    bins = pd.read_csv(io.BytesIO(page.cards.band_card.files["csv"]()))
+    np.testing.assert_allclose(bins.value, page.found.data.q, rtol=1e-4)
+    assert page.cards.corner_card.files["png"]().startswith(b"\x89PNG")
+    assert (
+        b"as asked" in page.cards.moves_card.files["csv"]()
+        and b"rank_low" in page.cards.rank_card.files["csv"]()
+    )
+
+
+@pytest.mark.parametrize("data", ["mock", "simulated"])
+def test_the_code_gives_what_is_shown(open_shell, shipped_cache, tmp_path, monkeypatch, capsys, data):
+    page = open_shell(f"{LINK}&infer_number=3&infer_data={data}").page
+    monkeypatch.setenv("STREAMDASH_CACHE", str(shipped_cache))
+    monkeypatch.chdir(tmp_path)
+    for card in (page.cards.corner_card, page.cards.band_card, page.cards.moves_card, page.cards.rank_card):
+        exec(compile(card._code(), "<shown>", "exec"), {})
+    printed = capsys.readouterr().out
+    assert sentences(page.found.posterior, page.base.estimator.prior)[0] in printed
+    assert (tmp_path / "posterior.png").stat().st_size > 10_000
+    assert (tmp_path / "predictive.png").stat().st_size > 10_000
+
+
+def test_several_streams_say_more_together(page):
+    for number in (1, 2, 3):
+        page.session.infer_number = number
+        page.put_aside()
+    rows = page.joined.rows
+    assert [name for name, _ in rows[:-1]] == [f"GD-1-like, mock {n}" for n in (1, 2, 3)]
+    parts, whole = [p for _, p in rows[:-1]], rows[-1][1]
+    expected = np.prod([p.p for p in parts], axis=0)
+    np.testing.assert_allclose(whole.p, expected / expected.sum(), rtol=1e-6, atol=1e-12)
+    assert page.joined.card.view.visible and "together" in page.joined.card._sentence.text
+    page.put_aside()
+    assert len(page.joined.rows) == 4, "the same answer counts once"
+    page.joined.forget()
+    assert not page.joined.card.view.visible and not page.joined.rows
+    assert together([("other", parts[0].given("log10_rate", -1, 0))], None) == []
+
+
+def test_a_profile_unlike_any_stream_is_not_answered(page, monkeypatch):
+    design = page.base.estimator.design
+    x = np.arange(design.n_bin)
+    wave = (1 + 0.8 * np.sin(2 * np.pi * x / 9)).astype(np.float32)
+    assert page.base.estimator.strangeness(wave[None])[0] > 0.99
+    monkeypatch.setattr(answers, "mock", lambda *_: answers.Data(wave, "the wave", None, ()))
+    page.session.infer_number = 7
+    assert page.found.strange
+    assert "withheld" in page.answer.object and "CDM" not in page.answer.object
+    assert page.cards.corner is None and page.controls.keep.disabled
+    assert not page.cards.moves_slot.objects
+
+
+def upload(page, data: bytes) -> None:
+    page.controls.drop._handle_msg({"data": base64.b64encode(data).decode(), "name": "mine.csv"})
+
+
+def test_a_file_of_other_bins_is_read_and_an_estimator_offered(page):
+    upload(page, EXAMPLE.read_bytes())
+    assert page.session.infer_data == "upload"
+    assert page.reading.observation is not None and "35 bins" in page.controls.status.text
+    assert page.found is None and page.answer.object == ""
+    assert page.controls.training.view.visible and "35 bins" in page.controls.training.text.text
+    assert page.session.search == f"{LINK}&infer_data=upload", "no file is in a link"
+    upload(page, b"\x00\x01")
+    assert "not text" in " ".join(t.object for alert in page.problem for t in alert.objects)
+    assert not page.controls.training.view.visible
+    page.session.infer_data = "mock"
+    assert page.found is not None and not page.problem.objects
+
+
+def test_a_cut_window_asks_for_an_estimator_of_its_own(page):
+    whole = page.base.estimator.design
+    page.session.infer_window = "first"
+    assert page.found is None and page.controls.training.view.visible
+    assert str(whole.n_bin // 2) in page.controls.training.text.text
+    page.session.infer_window = "whole"
+    assert page.found is not None and not page.controls.training.view.visible
+
+
+def test_held_out_streams_are_none_that_it_has_learnt_from():
+    estimator, streams = load_estimator("gd1-like"), load_streams("gd1-like")
+    assert list(streams.truth) == list(estimator.grid)
+    assert streams.clean.shape[1] == estimator.design.n_bin
+    low, high = estimator.prior.log10_rate
+    assert ((streams.truth.log10_rate > low) & (streams.truth.log10_rate < high)).all()
+    assert streams.truth.log10_rate.nunique() == streams.n_streams
