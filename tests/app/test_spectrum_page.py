@@ -48,7 +48,7 @@ def test_every_patched_column_arrives_and_statements_are_said_true_or_not(open_s
     ]
     assert len(figures) == 5
     words = page.statements.object
-    assert words.count("<tr><th scope='row'>") == 6
+    assert words.count('<tr><th scope="row">') == 6
     for statement in page.data.statements:
         assert ("✓ true" if statement.clean_true else "✗ not true") in words
     assert "✗ not true" in words  # 10⁵–10⁷ and 10⁷–10⁹ overlap
