@@ -45,7 +45,7 @@ def test_a_test_is_figures_numbers_and_a_verdict(open_shell, key):
     for i, setting in enumerate(chosen.settings):
         assert setting.label in page.table.object
         shift = page.measured.verdict.of(i, "density", "small", observed=True)
-        assert shift is None or f"{shift.mean:+.2f} ± {shift.error:.2f}" in page.table.object
+        assert shift is None or f"{shift.mean:+z.2f} ± {shift.error:.2f}" in page.table.object
     assert page.card._sentence.text.startswith(("Converged from", "Agrees", "Within", "Differs", "No other"))
     assert "core minutes" in page.card._sentence.text
     rows = pd.read_csv(io.BytesIO(page.card.files["csv"]()))
@@ -63,7 +63,7 @@ def test_all_verdicts_stand_together_with_what_they_cost(open_shell):
     assert "not simulated" not in page.all.object
     for one in page.found:
         worst = one.verdict.worst
-        assert f"{worst.mean:+.2f} ± {worst.error:.2f}" in page.all.object
+        assert f"{worst.mean:+z.2f} ± {worst.error:.2f}" in page.all.object
     assert "core minutes" in page.all_card._sentence.text
     shifts = pd.read_csv(io.BytesIO(page.all_card.files["csv"]()))
     assert set(shifts.knob) == set(KNOBS)
