@@ -36,6 +36,9 @@ class Page:
     needs_ensembles: ClassVar[bool] = True
     """Whether the page has nothing to show while the cache holds no complete ensemble."""
 
+    takes_both_arms: ClassVar[bool] = False
+    """Whether the page can show both arms of a stream together."""
+
     def __init__(self, session: Session, services: Services) -> None:
         self.session = session
         self.services = services

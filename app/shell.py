@@ -109,6 +109,12 @@ class Shell:
         if wanted.needs_ensembles and not self.session.ensembles:
             slot[:] = [ui.no_ensembles()]
             return
+        stream = self.session.catalog.stream(self.session.stream)
+        if wanted.needs_ensembles and stream is not None:
+            if stream.arms and not wanted.takes_both_arms:
+                slot[:] = [ui.one_arm(stream, self.session.choose_stream)]
+                return
+            slot.append(ui.stream_caveats(stream.model))
         page = self.page = wanted(self.session, self.services)
         self._attempt(lambda: slot.append(page.view()))
 

@@ -126,8 +126,11 @@ def _words(config: EnsembleConfig) -> Iterator[tuple[tuple[str, int], str]]:
         if path != "perturbers.mass_range" and value != plain.get((path, 0)):
             say = WORDS.get(path)
             words = say(value) if say else f"{path.rpartition('.')[2]} {_number(value)}"
-            several = len(components) > 1 and path.startswith("perturbers.")
-            yield (path, number), f"{words} in {components[number].label}" if several else words
+            shared = {getattr(part, path.rpartition(".")[2], None) for part in components} == {value}
+            if path.startswith("perturbers.") and not shared:
+                yield (path, number), f"{words} in {components[number].label}"
+            elif not number:  # what all components have is said once
+                yield (path, number), words
 
 
 def _leaves(config: Config, above: str = "", number: int = 0) -> Iterator[tuple[tuple[str, int], Any]]:

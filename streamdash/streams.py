@@ -199,6 +199,14 @@ def angles_of(model: StreamModel) -> dict[str, Any]:
     return {"theta_min": window.theta_min, "theta_max": window.theta_max, "n_theta": window.n_theta}
 
 
+def bin_text(model: StreamModel) -> str:
+    """A bin of `bins_of` for people: ``0.2° bin``, ``0.1° bin of ξ``."""
+    bins = bins_of(model)
+    return f"{bins.width:g}° bin" + (
+        "" if bins.coordinate == "ell" else f" of {longitude_symbol(bins.coordinate)}"
+    )
+
+
 def stream_text(model: StreamModel) -> str:
     """Name of a model for people: its stream, its arm if there are two, and whatever else differs."""
     stream = stream_of(model)
@@ -208,6 +216,13 @@ def stream_text(model: StreamModel) -> str:
         if value != getattr(reference, name):
             words.append(f"{name} {value if isinstance(value, (int, float, str)) else 'changed'}")
     return " · ".join(words)
+
+
+def both_arms_text(model: StreamModel) -> str:
+    """Name for people of both arms of a stream, of which `model` is one."""
+    named = f", {model.arm} arm"
+    text = stream_text(model)
+    return text.replace(named, ", both arms") if named in text else f"{text}, both arms"
 
 
 def longitude_symbol(coordinate: str) -> str:

@@ -57,9 +57,10 @@ def set_range(axis: Range1d, ends: tuple[float, float]) -> None:
         axis.update(start=ends[0], end=ends[1])
 
 
-def code_head(session: Session, module: str, function: str) -> str:
-    """First lines of a listing: imports, and the chosen ensembles by key."""
-    ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in session.ensembles)
+def code_head(session: Session, module: str, function: str, choices: Sequence[Choice] = ()) -> str:
+    """First lines of a listing: imports, and the chosen ensembles by key, or other `choices`."""
+    chosen = choices or session.ensembles
+    ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in chosen)
     return (
         "from pathlib import Path\n\n"
         f"from streamdash.plots.{module} import {function}\n"

@@ -169,7 +169,7 @@ class Services:
         return self.shared(("ensemble", key), lambda: self.cache.open_ensemble(key).load())
 
     def observed(self, choices: Sequence[Choice]) -> ObservedStreams:
-        """Ensembles of one stream as they are observed by default: 0.2° bins of longitude.
+        """Ensembles of one stream as they are observed by default, in the bins of its description.
 
         Each ensemble is opened and binned once, whatever others it is compared with.
 
@@ -184,6 +184,11 @@ class Services:
                 ("observed", *keys), lambda: ObservedStreams.join([self.observed([c]) for c in choices])
             )
         (choice,) = choices
+        if choice.arms:
+            return self.shared(
+                ("observed", *keys),
+                lambda: ObservedStreams.beside([self.observed([arm]) for arm in choice.arms]),
+            )
 
         def compute() -> ObservedStreams:
             geometry = self.geometry(choice.config.stream)

@@ -8,7 +8,7 @@ from typing import Any
 
 from streamdash.config import EnsembleConfig, StreamModel
 from streamdash.naming import differences, population_text
-from streamdash.streams import stream_text
+from streamdash.streams import both_arms_text, stream_of, stream_text
 
 CLASSES_MIN, CLASSES_MAX = 2, 4
 """Fewest and most mass ranges compared at once."""
@@ -29,16 +29,20 @@ class Choice:
     label: str
     """Name in menus: the mass range and whatever differs from the defaults."""
     config: EnsembleConfig
+    arms: tuple[Choice, ...] = ()
+    """Of both arms of a stream together, the ensemble of each; empty for one arm."""
 
 
 @dataclass(frozen=True)
 class Stream:
-    """One stream model that has complete ensembles, lowest masses first."""
+    """One stream model, or both arms of one, that has complete ensembles, lowest masses first."""
 
     key: str
     label: str
     model: StreamModel
     ensembles: tuple[Choice, ...]
+    arms: tuple[Stream, ...] = ()
+    """Each arm by itself, where this is both; empty for one arm."""
 
     def find(self, token: str) -> Choice | None:
         """The ensemble of a link's token, of a cache key, or of its first eight digits or more."""
@@ -86,7 +90,7 @@ def read_catalog(entries: Iterable[Any]) -> Catalog:
                 group.append(entry)
     default_key = StreamModel().key
     ordered = sorted(groups, key=lambda key: (key != default_key, key))
-    return Catalog(tuple(_stream(groups[key]) for key in ordered), tuple(problems), tuple(unfinished))
+    return Catalog(_with_both(_stream(groups[key]) for key in ordered), tuple(problems), tuple(unfinished))
 
 
 def entry_label(entry: Any) -> str:
@@ -116,6 +120,44 @@ def _stream(entries: Sequence[Any]) -> Stream:
             label += f" · {entry.key[:8]}"
         choices.append(Choice(entry.key, token, label, entry.config))
     return Stream(model.key, stream_text(model), model, tuple(choices))
+
+
+def _with_both(streams: Iterable[Stream]) -> tuple[Stream, ...]:
+    """The streams, the arms of one together, and after them both of its arms as one more."""
+    by_name: dict[str, list[Stream]] = {}
+    for stream in streams:
+        by_name.setdefault(stream.model.model_copy(update={"arm": "leading"}).key, []).append(stream)
+    found: list[Stream] = []
+    for arms in by_name.values():
+        order = list(stream_of(arms[0].model).arms)
+        arms.sort(key=lambda one: order.index(one.model.arm) if one.model.arm in order else len(order))
+        found += arms
+        both = _both(arms) if len(arms) > 1 else None
+        if both is not None:
+            found.append(both)
+    return tuple(found)
+
+
+def _both(arms: Sequence[Stream]) -> Stream | None:
+    """Both arms of a stream as one, with the populations that hit both."""
+    first, second = arms
+    choices: list[Choice] = []
+    for one in first.ensembles:
+        other = next((c for c in second.ensembles if _alike(c.config) == _alike(one.config)), None)
+        if other is None or any(_alike(c.config) == _alike(one.config) for c in choices):
+            continue
+        config = min(one.config, other.config, key=lambda c: c.n_streams)
+        config = one.config.model_copy(update={"n_streams": config.n_streams})
+        choices.append(Choice(f"{one.key}+{other.key}", one.token, one.label, config, (one, other)))
+    if not choices:
+        return None
+    label = both_arms_text(first.model)
+    return Stream(f"{first.key}+{second.key}", label, first.model, tuple(choices), (first, second))
+
+
+def _alike(config: EnsembleConfig) -> tuple:
+    """What the ensembles of both arms must have in common."""
+    return config.population, config.prior, config.seed, config.accuracy
 
 
 def _order(entry: Any) -> tuple:

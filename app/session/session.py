@@ -21,11 +21,14 @@ from app.pages.simulate.state import SimulateState
 from app.session.catalog import CLASSES_MAX, CLASSES_MIN, Catalog
 from app.session.fields import Decimal, Field, OneOf, Whole, check_word, fields_of
 from streamdash.plots.style import COORDINATE_LABELS
+from streamdash.streams import bins_of
 
 QUANTITIES = {"q_rho": "Qρ", "rho": "ρ", "omega": "⟨Ω∥⟩"}
 RULE_WORDS = {"central": "central 99.8 %", "noise": "paper: 3 σ_ε", "measured": "3 own widths"}
 N_BIN_MAX = 500
 _LONGEST_SHOWN = 40
+OWN = "phi1"
+"""In links, the longitude of the stream's own frame, whatever its name there: older links say so."""
 
 
 class Session(LearnState, ObserveState, InferState, ConvergenceState, SimulateState):
@@ -34,7 +37,7 @@ class Session(LearnState, ObserveState, InferState, ConvergenceState, SimulateSt
     page = param.String("", doc="key of the page shown; empty: the first")
     stream = param.String("", doc="key of the stream model; empty: the first of the catalog")
     mass = param.List([], item_type=str, doc="cache keys of the ensembles compared, lowest masses first")
-    noise = Decimal(0.1, (0, 1), doc="shot noise σ_ε per 0.2° bin")
+    noise = Decimal(0.1, (0, 1), doc="shot noise σ_ε per bin of the stream")
     n_bin = Whole(20, (2, N_BIN_MAX), softbounds=(5, 100), doc="number of bins of PDF(Qρ)")
     alpha = Whole(0, (0, N_BIN_MAX), doc="bin of PDF(Qρ) looked into, from 1; 0: at Qρ = 1")
     fiducial = Whole(0, (0, CLASSES_MAX - 1), doc="model that data are assumed to come from")
@@ -103,10 +106,19 @@ class Session(LearnState, ObserveState, InferState, ConvergenceState, SimulateSt
         return write_query(self)
 
     def choose_stream(self, key: str) -> None:
-        """Switch to another stream model and to its default mass ranges."""
-        stream = self.catalog.stream(key)
-        if stream is not None:
-            self.param.update(stream=key, mass=[c.key for c in stream.default()])
+        """Switch to another stream model, its default mass ranges, and the axis in which it lies along.
+
+        The noise follows as well, unless somebody has chosen another than the default of the stream before.
+        """
+        stream, before = self.catalog.stream(key), self.catalog.stream(self.stream)
+        if stream is None:
+            return
+        values: dict[str, Any] = {"stream": key, "mass": [c.key for c in stream.default()]}
+        bins = bins_of(stream.model)
+        values["x"] = "ell" if bins.coordinate == "ell" else OWN
+        if before is not None and self.noise == bins_of(before.model).noise:
+            values["noise"] = bins.noise
+        self.param.update(**values)
 
 
 FIELDS: dict[str, Field] = fields_of(Session)

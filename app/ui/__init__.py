@@ -22,6 +22,7 @@ from app.ui.text import (
     message,
     no_ensembles,
     plain_text,
+    stream_caveats,
 )
 from app.ui.widgets import (
     button,
@@ -31,6 +32,7 @@ from app.ui.widgets import (
     menu,
     noise_slider,
     number_slider,
+    one_arm,
     select,
     slider,
     stream_picker,
@@ -45,6 +47,8 @@ __all__ = [
     "Html",
     "button",
     "caption",
+    "one_arm",
+    "stream_caveats",
     "class_button",
     "class_heading",
     "controls",

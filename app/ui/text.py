@@ -10,7 +10,9 @@ import panel_material_ui as pmui
 from app.session.catalog import Choice
 from app.ui.layout import WIDE
 from app.ui.templates import Html, fill, literally, render
+from streamdash.config import StreamModel
 from streamdash.naming import class_colour
+from streamdash.streams import stream_of
 
 LEGEND_STYLE = """
 .legend { display: flex; flex-wrap: wrap; gap: 4px 18px; font: 13px/1.5 Roboto, sans-serif; }
@@ -40,16 +42,32 @@ def caption(text: str) -> pmui.Typography:
     return pmui.Typography(literally(text), variant="caption", margin=0)
 
 
-def class_heading(index: int, choice: Choice) -> Html:
-    """Name of a class with its colour: ``■ M0 · 10³–10⁵ M☉ · 2000 streams``."""
+def class_heading(index: int, choice: Choice, which: str = "") -> Html:
+    """Name of a class with its colour: ``■ M0 · 10³–10⁵ M☉ · 2000 streams``; ``which`` arm, if any."""
     line = fill(
         """<div style="font: 500 15px/1.5 Roboto, sans-serif">\
-{% from "ui/macros.html" import mark %}{{ mark(i) }} M{{ i }} · {{ label }} · {{ n }} streams</div>""",
+{% from "ui/macros.html" import mark %}{{ mark(i) }} M{{ i }} · {{ label }} · {{ n }} streams\
+{% if which %} · {{ which }}{% endif %}</div>""",
         i=index,
         label=choice.label,
         n=choice.config.n_streams,
+        which=which,
     )
     return Html(line, sizing_mode=None, margin=(6, 0, 0, 0), css_classes=["sd-class"])
+
+
+def stream_caveats(model: StreamModel) -> Html:
+    """What is to be kept in mind about a stream; open, unless it is the paper's."""
+    stream = stream_of(model)
+    line = fill(
+        """{% if caveats %}<details{% if open %} open{% endif %} style="font: 13px/1.5 Roboto, sans-serif">\
+<summary>{{ title }}: what its model leaves out</summary><ul style="margin: 2px 0; padding-left: 22px">\
+{% for caveat in caveats %}<li>{{ caveat }}</li>{% endfor %}</ul></details>{% endif %}""",
+        title=stream.title,
+        caveats=stream.caveats,
+        open=model.progenitor != StreamModel().progenitor,
+    )
+    return Html(line, margin=(8, 18, 0, 18), css_classes=["sd-stream-caveats"])
 
 
 def heading(text: str) -> Html:

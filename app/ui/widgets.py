@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import panel as pn
@@ -12,10 +13,12 @@ from panel.viewable import Viewable
 
 from app.borrowed import gather_events_for
 from app.page import Page
-from app.session.catalog import CLASSES_MAX, CLASSES_MIN
-from app.ui.layout import WIDE
-from app.ui.text import caption
+from app.session.catalog import CLASSES_MAX, CLASSES_MIN, Stream
+from app.ui.layout import WIDE, controls
+from app.ui.text import caption, plain_text
+from streamdash.config import StreamModel
 from streamdash.naming import class_colour
+from streamdash.plots.style import noise_label
 
 SLIDER_DELAY = 10
 """Milliseconds in which moves of one slider are gathered; Panel's 50 are a third of our budget."""
@@ -97,6 +100,16 @@ def stream_picker(page: Page) -> pn.widgets.Select:
     return widget
 
 
+def one_arm(stream: Stream, choose: Callable[[str], Any]) -> Viewable:
+    """What a page shows in its place that takes one arm of a stream: which would you like?"""
+    buttons = [
+        button(arm.label, partial(choose, arm.key), css_classes=[f"sd-arm-{arm.model.arm}"])
+        for arm in stream.arms
+    ]
+    words = "This page shows one arm of a stream at a time; choose which."
+    return pn.Column(plain_text(words, margin=(8, 10)), controls(*buttons), sizing_mode=WIDE, margin=(8, 16))
+
+
 def ensemble_picker(page: Page) -> Viewable:
     """Choice of the 2 to 4 mass ranges that are compared: buttons, which the keyboard reaches too."""
     session = page.session
@@ -128,8 +141,9 @@ def ensemble_picker(page: Page) -> Viewable:
 
 
 def noise_slider(page: Page) -> pmui.FloatSlider:
-    """Shot noise σ_ε per 0.2° bin, 0 to 1."""
-    return slider(page, "noise", "Shot noise σ_ε per 0.2° bin")
+    """Shot noise σ_ε per bin of the stream that is shown, 0 to 1."""
+    stream = page.session.catalog.stream(page.session.stream)
+    return slider(page, "noise", noise_label(stream.model if stream else StreamModel()))
 
 
 def button(label: str, action: Callable[[], Any], **params: Any) -> pmui.Button:

@@ -94,11 +94,15 @@ class Importance:
     Attributes
     ----------
     edges : ndarray (n_blocks + 1,)
-        In the unit of ``ell``.
+        In the unit of the coordinate.
     log_loss, log_loss_error : ndarray (n_blocks,)
         Rise of the log loss, mean and standard deviation over the permutations.
     accuracy, accuracy_error : ndarray (n_blocks,)
         Drop of the accuracy.
+    coordinate : str
+        What the edges are in: ``ell`` or the longitude of the stream's frame.
+    progenitor : str
+        Where the progenitor is in the figure, in words.
     """
 
     edges: np.ndarray
@@ -106,6 +110,8 @@ class Importance:
     log_loss_error: np.ndarray
     accuracy: np.ndarray
     accuracy_error: np.ndarray
+    coordinate: str = "ell"
+    progenitor: str = "at the left"
 
 
 def grid_search(
@@ -245,7 +251,15 @@ def importance(
         if progress is not None:
             progress(b + 1, len(edges) - 1)
     mean, error = change.mean(axis=0), change.std(axis=0)
-    return Importance(edges, mean[:, 0], error[:, 0], -mean[:, 1], error[:, 1])
+    return Importance(
+        edges,
+        mean[:, 0],
+        error[:, 0],
+        -mean[:, 1],
+        error[:, 1],
+        streams.design.coordinate,
+        _progenitor(streams),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -334,6 +348,13 @@ def _block_edges(ell: np.ndarray, block: float) -> np.ndarray:
     half = 0.5 * abs(ell[1] - ell[0])
     low, high = ell.min() - half, ell.max() + half
     return np.linspace(low, high, max(1, round((high - low) / block)) + 1)
+
+
+def _progenitor(streams: ObservedStreams) -> str:
+    """Where the progenitor is: bins are counted from it, in each arm."""
+    if streams.design.arms:
+        return "between the arms"
+    return "at the left" if streams.centers[0] < streams.centers[-1] else "at the right"
 
 
 def _window(ell: np.ndarray, edges: np.ndarray, b: int) -> np.ndarray:

@@ -116,6 +116,9 @@ def train(
     """
     check_classes(streams)
     check_noise(noise, streams.n_bins)
+    if streams.design.arms:
+        of_arms = settings.features.model_copy(update={"arms": streams.design.arms})
+        settings = settings.model_copy(update={"features": of_arms})
     started = time.perf_counter()
     sets = sets or split(streams.y, settings.seed)
     n_steps = 2 * settings.boosting.n_estimators

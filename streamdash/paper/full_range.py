@@ -9,6 +9,7 @@ the same held-out streams.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -20,6 +21,7 @@ from streamdash.classifier.train import train
 from streamdash.config import EnsembleConfig
 from streamdash.engine.impacts import expected_impacts
 from streamdash.paper.statistics import PDF, POWER, STATISTICS, information, ln_b_text, statistics_evidence
+from streamdash.paths import DOCS
 from streamdash.populations import cold, with_excess
 from streamdash.simulation.geometry import load_geometry
 from streamdash.statistics.scores import share_text
@@ -81,6 +83,12 @@ def full_range_results(
         "rows": rows,
         "needed": [{"noise": noise, "excess": needed(rows, noise)} for noise in noises],
     }
+
+
+def shipped_results() -> dict[str, Any] | None:
+    """The study's results as they are shipped, of `full_range_results`; None where they are not."""
+    path = DOCS / "reproduction" / "full_range.json"
+    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 
 
 def _row(streams: ObservedStreams, noise: float, settings: ClassifierConfig, workers: int) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from streamdash.statistics.joint import JointEvidence, joint_evidence
 from streamdash.statistics.pdf import measure_pdfs
 from streamdash.statistics.scores import share_text
 from streamdash.statistics.spectrum import power_spectrum
+from streamdash.survey.design import Design
 from streamdash.survey.observed import ObservedStreams
 
 PDF, POWER, PROFILE = "PDF of Qρ", "power spectrum", "profile"
@@ -128,10 +129,17 @@ def statistics_evidence(
     components = FeatureMap.fit(observed[sets.train], FeatureSet(n_pca=N_NUMBERS, summaries=()))
     numbers: dict[str, list[np.ndarray]] = {
         PDF: list(measure_pdfs(held, N_NUMBERS).y),
-        POWER: [np.log(power_spectrum(q, 1.0)[1][:, :N_NUMBERS]) for q in held],
+        POWER: [_largest_scales(q, streams.design) for q in held],
         PROFILE: [components(q) for q in held],
     }
     return {name: _evidence(samples, sparse=name == PDF) for name, samples in numbers.items()}
+
+
+def _largest_scales(q: np.ndarray, design: Design) -> np.ndarray:
+    """Log power of the largest scales, `N_NUMBERS` in all, of each arm its share."""
+    each = N_NUMBERS // len(design.stretches)
+    spectra = [power_spectrum(q[:, arm], 1.0)[1][:, :each] for arm in design.stretches]
+    return np.log(np.concatenate(spectra, axis=1))
 
 
 def _evidence(samples: Sequence[np.ndarray], sparse: bool) -> dict[tuple[int, int], JointEvidence]:

@@ -13,7 +13,7 @@ from streamdash.classifier.train import Judged
 from streamdash.naming import class_colour, label_text
 from streamdash.plots.elements import GREY, error_bars, framed, line, points
 from streamdash.plots.live import TOOLS, Backend, Columns, use
-from streamdash.plots.style import COORDINATE_LABELS, INK
+from streamdash.plots.style import INK, coordinate_label
 from streamdash.statistics.scores import calibration, roc
 from streamdash.survey.observed import ObservedStreams
 
@@ -226,17 +226,23 @@ def draw_streams(
     use(backend)
     observed = streams.observed(np.asarray(judged.classifier.card.noise))
     owner, index = streams.locate(rows[:SHOWN_STREAMS])
+    starts = [stretch.start for stretch in streams.design.stretches[1:]]
+
+    def between(values: np.ndarray) -> np.ndarray:
+        return np.insert(values, starts, np.nan)  # lifts the pen from arm to arm
+
+    where = between(streams.centers)
     shown = []
     for row, c, i in zip(rows, owner, index, strict=False):
-        clean = line("stream", streams.centers, streams.clean[row], class_colour(c), backend)
-        noisy = line("observed", streams.centers, observed[row], GREY, backend)
+        clean = line("stream", where, between(streams.clean[row]), class_colour(c), backend)
+        noisy = line("observed", where, between(observed[row]), GREY, backend)
         if backend == "bokeh":
             noisy = noisy.opts(line_width=0.8, backend=backend)
         else:
             noisy = noisy.opts(linewidth=0.6, backend=backend)
         overlay = framed(
             [noisy, clean],
-            COORDINATE_LABELS["ell"],
+            coordinate_label(streams.design.coordinate),
             "Qρ",
             (streams.centers.min(), streams.centers.max()),
             (0, 3),

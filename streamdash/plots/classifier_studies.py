@@ -13,10 +13,9 @@ from streamdash.naming import class_colour
 from streamdash.plots.classifier import class_names
 from streamdash.plots.elements import GREY, error_bars, framed, level_lines, line, points, step_area
 from streamdash.plots.live import TOOLS, Backend, use
-from streamdash.plots.style import COORDINATE_LABELS
+from streamdash.plots.style import coordinate_label, coordinate_symbol
 
 SIZE_LABEL = "Simulated streams per class"
-NOISE_LABEL = "Shot noise σ_ε per 0.2° bin"
 WORTH = 0.01
 """A gain in accuracy below this is hardly a help."""
 DEAD = 0.9
@@ -102,7 +101,9 @@ def draw_importance(found: Importance, backend: Backend) -> hv.Overlay:
     top = max(1.1 * high.max(), 1e-3)
     bottom = min(0.0, 1.1 * low.min())
     ends = (found.edges.min(), found.edges.max())
-    overlay = framed(parts, COORDINATE_LABELS["ell"], "Rise of the log loss", ends, (bottom, top), backend)
+    overlay = framed(
+        parts, coordinate_label(found.coordinate), "Rise of the log loss", ends, (bottom, top), backend
+    )
     return overlay.opts(**TOOLS, backend=backend) if backend == "bokeh" else overlay
 
 
@@ -110,8 +111,8 @@ def importance_table(found: Importance) -> pd.DataFrame:
     """One row per block: its ends in degrees, and what is lost without it."""
     return pd.DataFrame(
         {
-            "ell_low_deg": found.edges[:-1],
-            "ell_high_deg": found.edges[1:],
+            f"{found.coordinate}_low_deg": found.edges[:-1],
+            f"{found.coordinate}_high_deg": found.edges[1:],
             "log_loss_rise": found.log_loss,
             "log_loss_error": found.log_loss_error,
             "accuracy_drop": found.accuracy,
@@ -125,10 +126,11 @@ def importance_sentence(found: Importance) -> str:
     best = int(found.log_loss.argmax())
     near = found.edges[best : best + 2]
     return (
-        f"Most is lost without ℓ = {near[0]:.0f}° to {near[1]:.0f}°: the log loss rises by "
+        f"Most is lost without {coordinate_symbol(found.coordinate)} = {near[0]:.0f}° to {near[1]:.0f}°: "
+        "the log loss rises by "
         f"{found.log_loss[best]:.3f} ± {found.log_loss_error[best]:.3f} and the accuracy falls by "
         f"{100 * found.accuracy[best]:.1f} ± {100 * found.accuracy_error[best]:.1f} %. "
-        "The progenitor is at the left."
+        f"The progenitor is {found.progenitor}."
     )
 
 

@@ -55,7 +55,7 @@ def evidence_figure(
     fiducial
         Number of the model the data are assumed to come from, 0 for the lowest masses.
     noise
-        Shot noise σ_ε per 0.2° bin.
+        Shot noise σ_ε per bin.
     n_bin
         Number of bins in Qρ.
     rules

@@ -57,7 +57,7 @@ def pdf_figure(
     ensembles
         Keys or configurations, lowest masses first.
     noise
-        Shot noise σ_ε per 0.2° bin.
+        Shot noise σ_ε per bin.
     n_bin
         Number of bins in Qρ.
     rules

@@ -1,7 +1,7 @@
 """Profiles along the stream: all of an ensemble, a few highlighted, median and band (paper figs. 1–2).
 
-Thousands of curves are drawn as an image of how many pass through each cell. Noise is added per
-0.2° bin of Galactic longitude, whatever coordinate the profiles are drawn against.
+Thousands of curves are drawn as an image of how many pass through each cell. Noise is added per bin
+of the stream's description, whatever coordinate the profiles are drawn against.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from streamdash.naming import class_colour, class_labels, class_names
 from streamdash.plots.live import TOOLS, Backend, area_columns, use
 from streamdash.plots.style import INK, coordinate_label, rising_alpha
 from streamdash.store.cache import Cache
-from streamdash.streams import longitude_symbol
+from streamdash.streams import bin_text, longitude_symbol
 from streamdash.survey.bands import Bands, compute, read_profiles
+from streamdash.survey.observed import arm_keys
 from streamdash.words import NEAR_PROGENITOR, PROGENITOR_WORDS
 
 QUANTITY_LABELS = {
@@ -48,13 +49,13 @@ def profiles_figure(
     cache
         Where the ensembles and the stream's geometry are.
     ensembles
-        Keys or configurations, lowest masses first.
+        Keys or configurations, lowest masses first; two keys joined by ``+`` are both arms.
     quantity
         ``q_rho``, ``rho`` or ``omega``.
     coordinate
         ``theta``, ``ell`` or the longitude of the stream's frame, such as ``phi1``.
     noise
-        Shot noise σ_ε per 0.2° bin; it does not act on ``omega``.
+        Shot noise σ_ε per bin; it does not act on ``omega``.
     highlight, seed
         How many random streams to highlight, and the seed that picks them.
     backend
@@ -67,7 +68,11 @@ def profiles_figure(
     # Collect
     profiles = read_profiles(cache, ensembles, quantity)
     # Compute
-    panels = [compute(binned, i, coordinate, noise, highlight, seed) for i, binned in enumerate(profiles)]
+    numbers = [i for i, ensemble in enumerate(ensembles) for _ in arm_keys(ensemble)]
+    panels = [
+        compute(binned, i, coordinate, noise, highlight, seed)
+        for i, binned in zip(numbers, profiles, strict=True)
+    ]
     # Plot
     return layout(panels, backend)
 
@@ -88,7 +93,9 @@ def layout(panels: Sequence[Bands], backend: Backend) -> hv.Layout:
 def names(panels: Sequence[Bands]) -> list[str]:
     """Name of each panel's class, with its number among those compared."""
     labels = class_labels([panel.config for panel in panels])
-    return [f"M{panel.index} · {label}" for panel, label in zip(panels, labels, strict=True)]
+    several = len({panel.config.stream.arm for panel in panels}) > 1
+    arms = [f", {panel.config.stream.arm} arm" if several else "" for panel in panels]
+    return [f"M{p.index} · {label}{arm}" for p, label, arm in zip(panels, labels, arms, strict=True)]
 
 
 def draw(panel: Bands, backend: Backend, title: str = "") -> hv.Overlay:
@@ -194,10 +201,12 @@ def table(panels: Sequence[Bands]) -> pd.DataFrame:
     """The numbers of a figure: per class and bin the quantiles, the smooth stream, the highlights."""
     parts = []
     masses = class_names([panel.config for panel in panels])
+    several = len({panel.config.stream.arm for panel in panels}) > 1
     for panel, mass in zip(panels, masses, strict=True):
         part = {
             "model": f"M{panel.index}",
             "mass_range_msun": mass,
+            **({"arm": panel.config.stream.arm} if several else {}),
             f"{panel.coordinate}_{'rad' if panel.coordinate == 'theta' else 'deg'}": panel.x,
             "smooth": panel.smooth,
             "quantile_16": panel.low,
@@ -223,7 +232,7 @@ def sentence(panels: Sequence[Bands]) -> str:
     axes = {"ell": "Galactic longitude ℓ", "theta": "parallel angle θ∥"}
     own = f"longitude {longitude_symbol(first.coordinate)} of the stream's own frame"
     noise = (
-        f" with shot noise σ_ε = {first.noise:g} per 0.2° bin"
+        f" with shot noise σ_ε = {first.noise:g} per {bin_text(first.config.stream)}"
         if first.quantity != "omega"
         else " (shot noise does not act on it)"
     )

@@ -60,7 +60,7 @@ def spectrum_figure(
     kind
         ``density``, ``track`` or ``cross``.
     noise
-        Shot noise σ_ε per 0.2° bin.
+        Shot noise σ_ε per bin.
     backend
         ``matplotlib`` for files, ``bokeh`` for the browser.
     """

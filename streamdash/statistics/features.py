@@ -16,10 +16,10 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_serializer
 from scipy.ndimage import uniform_filter1d
 from sklearn.decomposition import PCA
 from sklearn.preprocessing import StandardScaler
@@ -57,6 +57,18 @@ class FeatureSet(Config):
     scales: tuple[int, ...] = Field(
         (3, 7, 15, 31, 63, 127), max_length=12, description="smoothing widths in bins, increasing and odd"
     )
+
+    arms: tuple[int, ...] = Field(
+        (), max_length=2, description="bins of each arm, where profiles of both stand side by side"
+    )
+
+    @model_serializer(mode="wrap")
+    def _without_newer_fields(self, handler: Any) -> dict[str, Any]:
+        """Keys of models that are older than a field hold: it is written only where it is given."""
+        data = handler(self)
+        if not self.arms:
+            data.pop("arms", None)
+        return data
 
     @field_validator("scales")
     @classmethod
@@ -119,8 +131,11 @@ class FeatureMap:
     def names(self) -> list[str]:
         """Names of the features, in order."""
         names = [f"PC {i + 1}" for i in range(len(self.components))]
-        for summary in self.features.summaries:
-            names += _names(summary, _widths(self.features, self.n_bins), self.n_bins)
+        arms = self.features.arms or (self.n_bins,)
+        for number, n_bins in enumerate(arms):
+            which = f" of arm {number + 1}" if len(arms) > 1 else ""
+            for summary in self.features.summaries:
+                names += [name + which for name in _names(summary, _widths(self.features, n_bins), n_bins)]
         return names
 
     def __call__(self, q: np.ndarray) -> np.ndarray:
@@ -155,6 +170,12 @@ def summarise(q: np.ndarray, features: FeatureSet) -> np.ndarray:
         The groups of ``features.summaries`` one after the other.
     """
     q = np.asarray(q, np.float32)
+    if features.arms:  # nothing is smoothed, nor has a wavelength, across the progenitor
+        one = features.model_copy(update={"arms": ()})
+        ends = np.cumsum(features.arms)
+        if ends[-1] != q.shape[1]:
+            raise ValueError(f"profiles must have {ends[-1]} bins of all arms (got {q.shape[1]})")
+        return np.concatenate([summarise(arm, one) for arm in np.split(q, ends[:-1], axis=1)], axis=1)
     widths = _widths(features, q.shape[1])
     smoothed = {1: q} | {w: uniform_filter1d(q, w, axis=1, mode="nearest") for w in widths}
     groups = [_COMPUTE[name](smoothed) for name in features.summaries]

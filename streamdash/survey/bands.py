@@ -17,7 +17,7 @@ from streamdash.config import EnsembleConfig
 from streamdash.engine.galpy_streams import time_unit_gyr
 from streamdash.engine.geometry import Geometry
 from streamdash.store.cache import Cache
-from streamdash.survey.observed import ObservedStreams, open_ensembles
+from streamdash.survey.observed import ObservedStreams, arm_keys, open_ensembles
 from streamdash.survey.sky import from_theta, observe, to_theta
 
 RANGES = {"q_rho": (-0.5, 3.0), "rho": (-0.5, 3.0), "omega": (0.0, 0.25)}
@@ -105,11 +105,16 @@ class Bands:
 def read_profiles(cache: Cache, ensembles: Sequence[str | EnsembleConfig], quantity: str) -> list[Binned]:
     """Open ensembles of one stream and average their profiles over the bins of that stream.
 
+    Two keys joined by ``+`` are the two arms of a stream, whose profiles follow each other.
+
     Raises
     ------
     StoreError
         When an ensemble is missing or damaged.
     """
+    keys = [key for ensemble in ensembles for key in arm_keys(ensemble)]
+    if len(keys) > len(ensembles):
+        return [binned for key in keys for binned in read_profiles(cache, [key], quantity)]
     opened = open_ensembles(cache, ensembles)
     return [
         bin_profiles(opened.geometry, dataset, ObservedStreams.of(opened.geometry, dataset, config), quantity)

@@ -11,12 +11,14 @@ data and simulations alike).
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 import xarray as xr
+from scipy.linalg import block_diag
 
 from streamdash.engine.geometry import Geometry
 from streamdash.streams import bins_of, window_of
@@ -56,6 +58,9 @@ class Design:
         What is measured: Qρ, or the number of stars per degree (any unit).
     order : int
         Order of the polynomial that the quantity is divided by, 0 for its mean; `AS_IS` for none.
+    arms : tuple of int
+        Where both arms of a stream are observed together, the number of bins of each, one arm's bins
+        after the other's; empty for one arm. Each arm has a polynomial of its own.
     """
 
     coordinate: Coordinate
@@ -64,6 +69,27 @@ class Design:
     sigma: np.ndarray
     quantity: Quantity = "q_rho"
     order: int = AS_IS
+    arms: tuple[int, ...] = ()
+
+    @classmethod
+    def beside(cls, designs: Sequence[Design]) -> Design:
+        """Both arms of a stream observed together, each as its own design says.
+
+        Raises
+        ------
+        ValueError
+            When the designs measure different things.
+        """
+        first = designs[0]
+        if any(
+            (d.coordinate, d.quantity, d.order) != (first.coordinate, first.quantity, first.order)
+            for d in designs
+        ):
+            raise ValueError("Arms are observed together in the same coordinate and quantity only.")
+        low, high, sigma = (
+            np.concatenate([getattr(d, n) for d in designs]) for n in ("low", "high", "sigma")
+        )
+        return replace(first, low=low, high=high, sigma=sigma, arms=tuple(d.n_bin for d in designs))
 
     @classmethod
     def adjoining(cls, coordinate: Coordinate, edges: np.ndarray, noise: float = NOISE) -> Design:
@@ -90,6 +116,12 @@ class Design:
     def part(self, bins: slice) -> Design:
         """The design with some of its bins."""
         return replace(self, low=self.low[bins], high=self.high[bins], sigma=self.sigma[bins])
+
+    @property
+    def stretches(self) -> tuple[slice, ...]:
+        """The bins of each arm; of one arm, all."""
+        ends = np.cumsum(self.arms or (self.n_bin,)).tolist()
+        return tuple(slice(a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True))
 
     @property
     def n_bin(self) -> int:
@@ -135,7 +167,10 @@ class Design:
 
         All bins weigh the same, so that the same profile has the same polynomial at any error.
         """
-        return None if self.order == AS_IS else polynomial_fit(self.centers, self.order)
+        if self.order == AS_IS:
+            return None
+        parts = [polynomial_fit(self.centers[stretch], self.order) for stretch in self.stretches]
+        return parts[0] if len(parts) == 1 else block_diag(*parts)
 
     @cached_property
     def key(self) -> str:
@@ -148,7 +183,8 @@ class Design:
         return self._hash(self.low, self.high)
 
     def _hash(self, *arrays: np.ndarray) -> str:
-        sha = hashlib.sha256(repr((self.coordinate, self.quantity, self.order)).encode())
+        also = (self.arms,) if self.arms else ()
+        sha = hashlib.sha256(repr((self.coordinate, self.quantity, self.order, *also)).encode())
         for array in arrays:
             sha.update(np.ascontiguousarray(array, dtype=float).tobytes())
         return sha.hexdigest()[:16]

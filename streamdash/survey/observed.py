@@ -81,7 +81,8 @@ class ObservedStreams:
 
         Parameters
         ----------
-        ensembles : keys or configurations, lowest masses first.
+        ensembles : keys or configurations, lowest masses first. Two keys joined by ``+`` are the two
+            arms of a stream, observed together.
         design : how they are observed; `default_design` by default.
 
         Raises
@@ -91,6 +92,10 @@ class ObservedStreams:
         ValueError
             When they are not of one stream, or a bin is not within the profiles.
         """
+        if any(len(arm_keys(ensemble)) > 1 for ensemble in ensembles):
+            return cls.join(
+                [cls.beside([cls.read(cache, [arm], design) for arm in arm_keys(e)]) for e in ensembles]
+            )
         opened = open_ensembles(cache, ensembles)
         pairs = zip(opened.configs, opened.datasets, strict=True)
         return cls.join([cls.of(opened.geometry, dataset, config, design) for config, dataset in pairs])
@@ -117,6 +122,43 @@ class ObservedStreams:
             (noise_draws(config, q.shape),),
             (ensemble["n_impacts"].to_numpy(),) if "n_impacts" in ensemble else (),
             smooth,
+        )
+
+    @classmethod
+    def beside(cls, arms: Sequence[ObservedStreams]) -> ObservedStreams:
+        """The arms of a stream as one: stream *i* is stream *i* of each arm, its bins one after the other.
+
+        Every arm has impacts of its own, drawn from the population that hits both. A class goes by the
+        configuration of its first arm.
+
+        Raises
+        ------
+        ValueError
+            When the arms are not hit by the same populations.
+        """
+        if len(arms) == 1:
+            return arms[0]
+        populations = {tuple((c.population.key, c.label) for c in arm.configs) for arm in arms}
+        if len(populations) > 1:
+            raise ValueError("Both arms are hit by one population; these are hit by different ones.")
+        counts = [min(len(arm.q[c]) for arm in arms) for c in range(len(arms[0].q))]
+
+        def wide(name: str) -> tuple[np.ndarray, ...]:
+            return tuple(
+                np.concatenate([getattr(arm, name)[c][:n] for arm in arms], axis=1)
+                for c, n in enumerate(counts)
+            )
+
+        hits = all(arm.n_impacts for arm in arms)
+        return cls(
+            arms[0].configs,
+            Design.beside([arm.design for arm in arms]),
+            wide("q"),
+            wide("draws"),
+            tuple(np.sum([arm.n_impacts[c][:n] for arm in arms], axis=0) for c, n in enumerate(counts))
+            if hits
+            else (),
+            np.concatenate([arm.smooth for arm in arms]),
         )
 
     @classmethod
@@ -238,6 +280,11 @@ class ObservedStreams:
         first = np.concatenate([[0], np.cumsum([len(q) for q in self.q])])
         owner = np.searchsorted(first, rows, side="right") - 1
         return owner, np.asarray(rows) - first[owner]
+
+
+def arm_keys(ensemble: str | EnsembleConfig) -> list[str]:
+    """Keys of the arms that a name of an ensemble joins by ``+``; of any other, the one key."""
+    return ensemble.split("+") if isinstance(ensemble, str) else [ensemble.key]
 
 
 def noise_draws(config: Config, shape: tuple[int, int], number: int = 0) -> np.ndarray:

@@ -11,6 +11,7 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
+from app.pages.classifier.full_range import FullRange
 from app.pages.classifier.parts import STYLE, scores_html, studies_of
 from app.services.services import Unavailable
 from app.ui.study import StudyCard, TaskControls
@@ -18,6 +19,7 @@ from app.work.tasks import Task, Watch
 from app.work.training import choices_of, code_head, streams_of, training
 from streamdash.classifier.model import PRESETS
 from streamdash.classifier.train import Judged
+from streamdash.paper.full_range import shipped_results
 from streamdash.plots import classifier
 from streamdash.plots.live import LiveFigure, export
 
@@ -29,6 +31,7 @@ class ClassifierPage(Page):
 
     key, title = "classifier", "Classifier"
     uses = frozenset({"noise", "preset", "n_pca", "features", "depth", "trees", "cell", "theme"})
+    takes_both_arms = True
 
     def view(self) -> Viewable:
         try:
@@ -63,7 +66,15 @@ class ClassifierPage(Page):
         for study in self.studies:
             study.renew()
         self.train()
-        return ui.page_layout(self._choices(), ui.controls(*classes), self.controls.view, self.results)
+        shipped = shipped_results()
+        self.full_range = FullRange(shipped) if shipped is not None else None
+        return ui.page_layout(
+            self._choices(),
+            ui.controls(*classes),
+            self.controls.view,
+            self.results,
+            *([self.full_range.view] if self.full_range else []),
+        )
 
     def update(self, changed: frozenset[str]) -> None:
         if changed <= {"theme", "cell"}:

@@ -25,6 +25,7 @@ from streamdash.classifier.studies import (
 from streamdash.classifier.train import Judged
 from streamdash.plots import classifier_studies as plots
 from streamdash.plots.classifier import METRICS, class_names
+from streamdash.plots.style import noise_label
 from streamdash.words import percent_between
 
 STYLE = (
@@ -140,11 +141,11 @@ def studies_of(
 
         return listing
 
-    size, noise = plots.SIZE_LABEL, plots.NOISE_LABEL
+    size, noise = plots.SIZE_LABEL, noise_label(streams.configs[0].stream)
     return [
         Study(
             "importance",
-            "Importance along ℓ: which part of the stream tells the masses?",
+            "Importance along the stream: which part of it tells the masses?",
             "The Qρ of a 4° block is exchanged between test streams; what is lost shows what it tells.",
             ask_importance,
             plots.draw_importance,

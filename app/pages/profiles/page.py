@@ -11,9 +11,12 @@ from app import ui
 from app.page import Page
 from app.services.services import Unavailable
 from app.session.catalog import Choice
+from app.session.session import OWN
 from streamdash.plots import profiles
 from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.style import COORDINATE_LABELS, coordinate_label
 from streamdash.store.cache import StoreError
+from streamdash.streams import SkyFrame, stream_of
 from streamdash.survey import bands
 
 INKED = (profiles.MEDIAN, profiles.SMOOTH)
@@ -28,11 +31,17 @@ REDRAW = frozenset({"x", "y"})
 """Changes of axes: they need new figures; all others only new data."""
 
 
+def frame_of(choice: Choice) -> SkyFrame:
+    """The stream's own frame of the sky."""
+    return stream_of(choice.config.stream).frame
+
+
 class ProfilesPage(Page):
     """Profiles of 2 to 4 mass ranges as density images, with bands and highlighted streams."""
 
     key, title = "profiles", "Profiles"
     uses = frozenset({"noise", "x", "y", "highlight", "seed", "theme"})
+    takes_both_arms = True
 
     def view(self) -> Viewable:
         self.live: dict[int, LiveFigure] = {}
@@ -59,8 +68,8 @@ class ProfilesPage(Page):
                 live.set_ink(self.session.theme == "dark")
         if changed - {"theme"}:
             self.panels = self._compute()
-            for panel in self.panels:
-                self.live[panel.index].patch(profiles.columns(panel))
+            for cell, panel in zip(self.cells, self.panels, strict=True):
+                self.live[cell].patch(profiles.columns(panel))
             self.card.say(profiles.sentence(self.panels))
 
     def layout(self) -> hv.Layout:
@@ -74,7 +83,8 @@ class ProfilesPage(Page):
     def code(self) -> str:
         """Lines of Python that make the figure as it is now."""
         session = self.session
-        chosen = [session.ensembles[panel.index] for panel in self.panels]
+        chosen = [session.ensembles[index] for index in sorted({panel.index for panel in self.panels})]
+        axis = frame_of(chosen[0]).longitude if session.x == OWN else session.x
         ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in chosen)
         return (
             "from pathlib import Path\n\n"
@@ -86,7 +96,7 @@ class ProfilesPage(Page):
             "    Cache.default(),\n"
             "    ensembles,\n"
             f'    quantity="{session.y}",\n'
-            f'    coordinate="{session.x}",\n'
+            f'    coordinate="{axis}",\n'
             f"    noise={session.noise:g},\n"
             f"    highlight={session.highlight},\n"
             f"    seed={session.seed},\n"
@@ -101,12 +111,13 @@ class ProfilesPage(Page):
     # ------------------------------------------------------------ inside
 
     def _controls(self) -> Viewable:
+        axes = {self._label(name): name for name in COORDINATE_LABELS}
         return ui.controls(
             ui.stream_picker(self),
             ui.ensemble_picker(self),
             ui.noise_slider(self),
             ui.toggle(self, "y", "Quantity"),
-            ui.toggle(self, "x", "Along the stream"),
+            ui.toggle(self, "x", "Along the stream", axes),
             ui.int_slider(self, "highlight", "Highlighted streams", width=180),
             ui.button("Draw others", self.draw_others, css_classes=["sd-draw-others"]),
         )
@@ -114,17 +125,30 @@ class ProfilesPage(Page):
     def _compute(self) -> list[bands.Bands]:
         """Panels of all ensembles that can be read; the others are named in `failures`."""
         session = self.session
-        panels, self.failures = [], {}
-        for index, choice in enumerate(session.ensembles):
+        panels, self.failures, self.cells = [], {}, []
+        for cell, (index, choice) in enumerate(self._shown()):
             try:
                 binned = self._binned(choice, session.y)
             except (StoreError, Unavailable) as error:
-                self.failures[index] = str(error)
+                self.failures[cell] = str(error)
                 continue
-            panels.append(
-                bands.compute(binned, index, session.x, session.noise, session.highlight, session.seed)
-            )
+            axis = frame_of(choice).longitude if session.x == OWN else session.x
+            panels.append(bands.compute(binned, index, axis, session.noise, session.highlight, session.seed))
+            self.cells.append(cell)
         return panels
+
+    def _shown(self) -> list[tuple[int, Choice]]:
+        """Number of the class and ensemble of every panel: of both arms, each."""
+        return [
+            (index, arm)
+            for index, choice in enumerate(self.session.ensembles)
+            for arm in choice.arms or (choice,)
+        ]
+
+    def _label(self, axis: str) -> str:
+        """Label of an axis along the stream that is shown."""
+        frame = frame_of(self.session.ensembles[0])
+        return coordinate_label(frame.longitude if axis == OWN else axis)
 
     def _binned(self, choice: Choice, quantity: str) -> bands.Binned:
         services = self.services
@@ -142,18 +166,20 @@ class ProfilesPage(Page):
         """New figures, for new axes."""
         self.panels = self._compute()
         self.live = {
-            panel.index: LiveFigure(profiles.draw(panel, "bokeh"), ink=INKED) for panel in self.panels
+            cell: LiveFigure(profiles.draw(panel, "bokeh"), ink=INKED)
+            for cell, panel in zip(self.cells, self.panels, strict=True)
         }
         cells: list[Viewable] = []
-        for index, choice in enumerate(self.session.ensembles):
-            heading = ui.class_heading(index, choice)
-            if index in self.failures:
-                cells.append(pn.Column(heading, ui.error_state(self.failures[index]), sizing_mode=ui.WIDE))
+        both = any(choice.arms for choice in self.session.ensembles)
+        for cell, (index, choice) in enumerate(self._shown()):
+            heading = ui.class_heading(index, choice, f"{choice.config.stream.arm} arm" if both else "")
+            if cell in self.failures:
+                cells.append(pn.Column(heading, ui.error_state(self.failures[cell]), sizing_mode=ui.WIDE))
                 continue
-            live = self.live[index]
+            live = self.live[cell]
             live.set_ink(self.session.theme == "dark")
             cells.append(ui.figure_cell(heading, live.figure))
-        # Four stand two by two, up to three side by side.
-        self.grid[:] = [ui.figure_grid(cells, narrowest=560 if len(cells) == 4 else 420)]
+        # Four stand two by two, up to three side by side, and so do the two arms of every class.
+        self.grid[:] = [ui.figure_grid(cells, narrowest=560 if both or len(cells) == 4 else 420)]
         if self.panels:
             self.card.say(profiles.sentence(self.panels))

@@ -10,11 +10,14 @@ from panel.viewable import Viewable
 from app import ui
 from app.page import Page
 from app.pages.spectrum.parts import STYLE, statements_html, statistics_study
-from app.services.comparison import code_head, configs, noisy_profiles
+from app.services.comparison import code_head, noisy_profiles
+from app.services.services import Services
 from app.session.catalog import Choice
+from app.session.session import Session
 from app.ui.study import StudyCard
 from app.work.later import Later
 from streamdash.classifier.data import ClassifierError
+from streamdash.config import EnsembleConfig
 from streamdash.plots import spectrum
 from streamdash.plots.live import LiveFigure, export
 from streamdash.statistics.bispectrum import Bispectrum, bispectrum
@@ -38,11 +41,54 @@ class SpectrumPage(Page):
 
     key, title = "spectrum", "Spectrum"
     uses = frozenset({"noise", "theme"})
+    takes_both_arms = True
+
+    def __init__(self, session: Session, services: Services, arm: int | None = None) -> None:
+        super().__init__(session, services)
+        self.arm = arm
+        self.arms: list[SpectrumPage] = []
+
+    @property
+    def choices(self) -> tuple[Choice, ...]:
+        """The ensembles compared; of both arms, those of the one that these figures show."""
+        chosen = self.session.ensembles
+        return chosen if self.arm is None else tuple(choice.arms[self.arm] for choice in chosen)
+
+    @property
+    def configs(self) -> list[EnsembleConfig]:
+        """Configurations of `choices`."""
+        return [choice.config for choice in self.choices]
 
     def view(self) -> Viewable:
+        """The page; of both arms, the figures of each side by side: there is no power across the gap."""
+        arms = self.session.ensembles[0].arms
+        self.statistics = self._statistics(len(self.session.ensembles))
+        if arms:
+            self.arms = [SpectrumPage(self.session, self.services, i) for i in range(len(arms))]
+            columns = [
+                pn.Column(
+                    ui.heading(f"{arm.config.stream.arm.capitalize()} arm"),
+                    *page.cards(),
+                    sizing_mode=ui.WIDE,
+                )
+                for arm, page in zip(arms, self.arms, strict=True)
+            ]
+            figures: list[Viewable] = [ui.figure_grid(columns, narrowest=420)]
+        else:
+            figures = self.cards()
+        classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
+        return ui.page_layout(
+            ui.controls(ui.stream_picker(self), ui.ensemble_picker(self), ui.noise_slider(self)),
+            ui.controls(*classes),
+            *figures,
+            *([self.statistics.view] if self.statistics else []),
+        )
+
+    def cards(self) -> list[Viewable]:
+        """The cards of one arm."""
         self.data = self._shown()
         self.bispectra: list[Bispectrum] = []
-        chosen = configs(self.session)
+        chosen = self.configs
         self.live = {
             kind: LiveFigure(spectrum.draw(self.data, chosen, kind, "bokeh"), ink=(spectrum.NOISE,))
             for kind in spectrum.KINDS
@@ -55,20 +101,18 @@ class SpectrumPage(Page):
             part: pn.Column(ui.plain_text(WAITING), sizing_mode=ui.WIDE, margin=0) for part in PARTS
         }
         self._make_cards(len(chosen))
-        self.statistics = self._statistics(len(chosen))
         self._say()
         self._ask()
-        classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
-        return ui.page_layout(
-            ui.controls(ui.stream_picker(self), ui.ensemble_picker(self), ui.noise_slider(self)),
-            ui.controls(*classes),
-            self.card.view,
-            self.track_card.view,
-            self.bispectrum_card.view,
-            *([self.statistics.view] if self.statistics else []),
-        )
+        return [self.card.view, self.track_card.view, self.bispectrum_card.view]
 
     def update(self, changed: frozenset[str]) -> None:
+        for page in self.arms or (self,):
+            page.renew(changed)
+        if "noise" in changed and self.statistics:
+            self.statistics.renew()
+
+    def renew(self, changed: frozenset[str]) -> None:
+        """Patch the figures of one arm."""
         if "theme" in changed:
             self.live["density"].set_ink(self.session.theme == "dark")
         if "noise" in changed:
@@ -77,11 +121,10 @@ class SpectrumPage(Page):
                 live.patch(spectrum.columns(self.data, kind))
             self._say()
             self._ask()
-            if self.statistics:
-                self.statistics.renew()
 
     def close(self) -> None:
-        self.later.cancel()
+        for page in self.arms or (self,):
+            page.later.cancel()
         if self.statistics:
             self.statistics.close()
         super().close()
@@ -98,7 +141,7 @@ class SpectrumPage(Page):
 
     def code_bispectrum(self) -> str:
         """Lines of Python that compute the bispectra as they are now."""
-        keys = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in self.session.ensembles)
+        keys = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in self.choices)
         return (
             "from streamdash.statistics.bispectrum import bispectrum\n"
             "from streamdash.store.cache import Cache\n"
@@ -112,38 +155,43 @@ class SpectrumPage(Page):
 
     def _listing(self, kind: str) -> str:
         return (
-            f"{code_head(self.session, 'spectrum', 'spectrum_figure')}"
+            f"{code_head(self.session, 'spectrum', 'spectrum_figure', self.choices)}"
             f'figure = spectrum_figure(Cache.default(), ensembles, "{kind}", noise={self.session.noise:g})\n'
             f'Path("spectrum-{kind}.png").write_bytes(export(figure, "png"))\n'
         )
 
     # ------------------------------------------------------------ inside
 
+    @property
+    def _suffix(self) -> str:
+        """Of the names of cards and files: the arm, where there are both."""
+        return "" if self.arm is None else f"-{self.choices[0].config.stream.arm}"
+
     def _make_cards(self, count: int) -> None:
         self.card = ui.FigureCard(
             "Power spectrum of the density",
             [self.live["density"].figure, self.statements],
-            name="spectrum",
+            name=f"spectrum{self._suffix}",
             image=lambda kind: export(self._figure("density"), kind),
-            table=lambda: spectrum.table(self.data, configs(self.session), ["density"]),
+            table=lambda: spectrum.table(self.data, self.configs, ["density"]),
             code=self.code,
             legend=ui.legend(LEGEND, count),
         )
         self.track_card = ui.FigureCard(
             "Power spectrum of the track, and cross spectrum with the density",
             [self.live["track"].figure, self.live["cross"].figure],
-            name="spectrum-track",
+            name=f"spectrum-track{self._suffix}",
             image=lambda kind: export(self._figure("track") + self._figure("cross"), kind),
-            table=lambda: spectrum.table(self.data, configs(self.session), ["track", "cross"]),
+            table=lambda: spectrum.table(self.data, self.configs, ["track", "cross"]),
             code=self.code_track,
             legend=ui.legend(LEGEND_PLAIN, count),
         )
         self.bispectrum_card = ui.FigureCard(
             "Bispectrum of the density",
             list(self.slots.values()),
-            name="bispectrum",
+            name=f"bispectrum{self._suffix}",
             image=lambda kind: export(self._bispectrum("real") + self._bispectrum("imaginary"), kind),
-            table=lambda: spectrum.bispectrum_table(self.bispectra, configs(self.session)),
+            table=lambda: spectrum.bispectrum_table(self.bispectra, self.configs),
             code=self.code_bispectrum,
             legend=ui.legend(LEGEND_PLAIN, count),
         )
@@ -159,22 +207,22 @@ class SpectrumPage(Page):
         return card
 
     def _say(self) -> None:
-        chosen = configs(self.session)
+        chosen = self.configs
         self.statements.write(statements_html(self.data, chosen))
         self.card.say(spectrum.sentence(self.data, chosen))
         self.track_card.say(spectrum.track_sentence(self.data, chosen))
 
     def _figure(self, kind: str) -> Any:
-        return spectrum.draw(self.data, configs(self.session), kind, "matplotlib")
+        return spectrum.draw(self.data, self.configs, kind, "matplotlib")
 
     def _bispectrum(self, part: spectrum.Part) -> Any:
-        return spectrum.draw_bispectrum(self.bispectra, configs(self.session), part, "matplotlib")
+        return spectrum.draw_bispectrum(self.bispectra, self.configs, part, "matplotlib")
 
     # ------------------------------------------------------------ results
 
     def _shown(self) -> Shown:
         """Bands and statements at the chosen noise, computed once for all sessions."""
-        choices, noise = self.session.ensembles, self.session.noise
+        choices, noise = self.choices, self.session.noise
 
         def compute() -> Shown:
             return show([self._spectra(choice) for choice in choices], self._level(), noise)
@@ -190,7 +238,7 @@ class SpectrumPage(Page):
         return self.services.shared(("spectra", choice.key), compute)
 
     def _design(self) -> Design:
-        return self.services.observed(self.session.ensembles).design
+        return self.services.observed(self.choices).design
 
     def _level(self) -> SpectrumBand:
         """√P of shot noise of σ_ε = 1 in these bins."""
@@ -199,8 +247,8 @@ class SpectrumPage(Page):
 
     def _ask(self) -> None:
         """Have the bispectra computed once the slider rests."""
-        services, choices, noise = self.services, self.session.ensembles, self.session.noise
-        step, keys = self._design().step, tuple(choice.key for choice in self.session.ensembles)
+        services, choices, noise = self.services, self.choices, self.session.noise
+        step, keys = self._design().step, tuple(choice.key for choice in self.choices)
 
         def compute() -> list[Bispectrum]:
             return [bispectrum(q, step) for q in noisy_profiles(services, choices, noise)]
@@ -209,7 +257,7 @@ class SpectrumPage(Page):
 
     def _show_bispectra(self, bispectra: list[Bispectrum]) -> None:
         self.bispectra = bispectra
-        chosen = configs(self.session)
+        chosen = self.configs
         for part, slot in self.slots.items():
             if part in self.live_b:
                 self.live_b[part].patch(spectrum.bispectrum_columns(bispectra, part))
