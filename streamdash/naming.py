@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from streamdash.config import Config, EnsembleConfig, Population, Prior, mass_label, parse_mass_range
+from streamdash.populations import wdm_mass
 
 CLASS_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 """Okabe & Ito's colour-blind-safe blue, vermilion, green and purple: models M0, M1, M2, M3."""
@@ -160,7 +161,9 @@ WORDS: Mapping[str, Callable[[Any], str]] = {
     "perturbers.rate_factor": lambda value: f"rate × {_number(value)}",
     "perturbers.slope": lambda value: f"slope {_number(value)}",
     "perturbers.cutoff_mass": lambda value: f"cutoff {_mass(value)}",
-    "perturbers.half_mode_mass": lambda value: f"warm, half-mode mass {_mass(value)}",
+    "perturbers.half_mode_mass": lambda value: (
+        f"warm, half-mode mass {_mass(value)} (m_WDM = {wdm_mass(value):.3g} keV)"
+    ),
     "perturbers.profile": lambda value: f"{value.capitalize()} spheres",
     "perturbers.rs_factor": lambda value: f"r_s × {_number(value)}",
     "perturbers.sigma_h": lambda value: f"σ_h = {_number(value)} km/s",

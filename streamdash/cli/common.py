@@ -60,6 +60,11 @@ ArmOption = Annotated[
     typer.Option("--arm", show_default="the stream's first", help="Arm of the stream."),
 ]
 
+BothArmsOption = Annotated[
+    Literal["leading", "trailing", "both"] | None,
+    typer.Option("--arm", show_default="the stream's first", help="Arm of the stream, or both."),
+]
+
 messages = Console(stderr=True, highlight=False, soft_wrap=True)
 """People read this; what a command answers goes to standard output."""
 
@@ -165,6 +170,27 @@ def read_config(
             place = place.setdefault(parent, {})
         place[last] = value
     return EnsembleConfig.parse(data)
+
+
+def arms_of(stream: str | None, arm: str | None, config: Path | None = None) -> list[str | None]:
+    """The arms that ``--stream``, or else ``--config``, and ``--arm`` name; ``both`` are two.
+
+    Raises
+    ------
+    InputError, ConfigError
+        When the stream has not both, or is none.
+    """
+    if arm != "both":
+        return [arm]
+    if stream is None and config is not None:
+        return ["leading", "trailing"]
+    named = named_stream(stream or STREAM_NAMES[0])
+    if len(named.arms) < 2:
+        raise InputError(
+            f"--arm: {named.name} has a {named.default_arm} arm only; leave --arm out, or choose a --stream "
+            "with both."
+        )
+    return list(named.arms)
 
 
 @contextlib.contextmanager

@@ -8,10 +8,11 @@ from typing import Annotated
 import typer
 
 from streamdash.cli.common import (
-    ArmOption,
+    BothArmsOption,
     CacheOption,
     JsonOption,
     StreamOption,
+    arms_of,
     duration,
     make_cache,
     print_json,
@@ -23,7 +24,7 @@ from streamdash.streams import STREAM_NAMES, named_stream, stream_text
 
 def geometry_command(
     stream: StreamOption = None,
-    arm: ArmOption = None,
+    arm: BothArmsOption = None,
     age: Annotated[
         float | None, typer.Option("--age", show_default="the stream's own", help="Age of the stream, Gyr.")
     ] = None,
@@ -46,15 +47,19 @@ def geometry_command(
     from streamdash.simulation.geometry import load_geometry
 
     named = named_stream(stream or STREAM_NAMES[0])
-    model = (named if age is None else named.at_age(age)).arm(arm)
-    if n_times is not None:
-        model = StreamModel.parse(model.model_dump() | {"n_times": n_times})
-    start = time.perf_counter()
-    with progress_bar() as titled, wrong_input():
-        geometry = load_geometry(model, make_cache(cache), workers, titled("Geometry of the stream"))
-    took = time.perf_counter() - start
+    results = []
+    for one in arms_of(stream, arm):
+        model = (named if age is None else named.at_age(age)).arm(one)
+        if n_times is not None:
+            model = StreamModel.parse(model.model_dump() | {"n_times": n_times})
+        start = time.perf_counter()
+        with progress_bar() as titled, wrong_input():
+            title = f"Geometry of {stream_text(model)}"
+            geometry = load_geometry(model, make_cache(cache), workers, titled(title))
+        took = time.perf_counter() - start
+        results.append({"key": model.key, "length_rad": geometry.length, "seconds": took})
+        if not as_json:
+            found = f"{geometry.length:.3f} rad long, {len(geometry.times)} impact times"
+            print(f"{stream_text(model)}: {found} ({duration(took)}).")
     if as_json:
-        print_json({"key": model.key, "length_rad": geometry.length, "seconds": took})
-    else:
-        found = f"{geometry.length:.3f} rad long, {len(geometry.times)} impact times"
-        print(f"{stream_text(model)}: {found} ({duration(took)}).")
+        print_json(results if len(results) > 1 else results[0])

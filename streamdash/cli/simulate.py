@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from streamdash.cli.common import (
-    ArmOption,
+    BothArmsOption,
     CacheOption,
     ConfigOption,
     InputError,
     JsonOption,
     StreamOption,
+    arms_of,
     duration,
     make_cache,
     messages,
@@ -30,11 +31,14 @@ from streamdash.cli.common import (
 from streamdash.config import Config, EnsembleConfig, LogarithmicHalo, Perturbers, Population, StreamModel
 from streamdash.populations import PRESETS, component_text, parse_component, title_of
 from streamdash.populations import preset as named_preset
+from streamdash.streams import stream_text
 
 if TYPE_CHECKING:
     from streamdash.engine.geometry import Geometry
     from streamdash.store.cache import Cache
 
+PREVIEWED = 5
+"""Streams of a coarse preview."""
 PROBE_TIMES = 4
 """Impact times computed to estimate the cost of a geometry that is not in the cache."""
 
@@ -88,6 +92,13 @@ def simulate_command(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Print expected impacts and cost; write nothing.")
     ] = False,
+    preview: Annotated[
+        bool,
+        typer.Option(
+            "--preview",
+            help="Compute a handful of streams from a coarse geometry of 8 impact times; write nothing.",
+        ),
+    ] = False,
     as_json: JsonOption = False,
     X: Annotated[float | None, _knob("--X", Perturbers, "X")] = None,
     rate_factor: Annotated[float | None, _knob("--rate-factor", Perturbers, "rate_factor")] = None,
@@ -101,7 +112,7 @@ def simulate_command(
     length_factor: Annotated[float | None, _knob("--length-factor", Perturbers, "length_factor")] = None,
     age: Annotated[float | None, _knob("--age", StreamModel, "age_gyr")] = None,
     sigma_v: Annotated[float | None, _knob("--sigma-v", StreamModel, "sigma_v_kms")] = None,
-    arm: ArmOption = None,
+    arm: BothArmsOption = None,
     n_times: Annotated[int | None, _knob("--n-times", StreamModel, "n_times")] = None,
     times: Annotated[str | None, _knob("--times", StreamModel, "times_gyr", "T1,T2,…")] = None,
     flattening: Annotated[float | None, _knob("--q", LogarithmicHalo, "q")] = None,
@@ -132,40 +143,46 @@ def simulate_command(
         "--length-factor": length_factor,
     }
     others = [option for option, value in named.items() if value is not None]
-    wanted = read_config(
-        config,
-        {
-            "population": _population(component, preset, others),
-            "perturbers.mass_range": mass,
-            "n_streams": streams,
-            "seed": seed,
-            "perturbers.X": X,
-            "perturbers.rate_factor": rate_factor,
-            "perturbers.slope": slope,
-            "perturbers.cutoff_mass": cutoff_mass,
-            "perturbers.profile": profile,
-            "perturbers.rs_factor": rs_factor,
-            "perturbers.sigma_h": sigma_h,
-            "perturbers.length_factor": length_factor,
-            "stream.age_gyr": age,
-            "stream.sigma_v_kms": sigma_v,
-            "stream.n_times": n_times,
-            "stream.times_gyr": _numbers("--times", times),
-            "stream.potential.q": flattening,
-            "stream.isochrone_b": isochrone_b,
-            "stream.progenitor": _numbers("--progenitor", progenitor),
-            "theta_min": theta_min,
-            "theta_max": theta_max,
-            "n_theta": n_theta,
-        },
-        stream,
-        arm,
-    )
+    changes = {
+        "population": _population(component, preset, others),
+        "perturbers.mass_range": mass,
+        "n_streams": streams,
+        "seed": seed,
+        "perturbers.X": X,
+        "perturbers.rate_factor": rate_factor,
+        "perturbers.slope": slope,
+        "perturbers.cutoff_mass": cutoff_mass,
+        "perturbers.profile": profile,
+        "perturbers.rs_factor": rs_factor,
+        "perturbers.sigma_h": sigma_h,
+        "perturbers.length_factor": length_factor,
+        "stream.age_gyr": age,
+        "stream.sigma_v_kms": sigma_v,
+        "stream.n_times": n_times,
+        "stream.times_gyr": _numbers("--times", times),
+        "stream.potential.q": flattening,
+        "stream.isochrone_b": isochrone_b,
+        "stream.progenitor": _numbers("--progenitor", progenitor),
+        "theta_min": theta_min,
+        "theta_max": theta_max,
+        "n_theta": n_theta,
+    }
+    wanted = [read_config(config, changes, stream, one) for one in arms_of(stream, arm, config)]
     where = make_cache(cache)
-    if dry_run:
-        _print_estimate(wanted, where, workers, as_json)
-    else:
-        _simulate(wanted, where, "dask" if scheduler else executor, workers, scheduler, as_json)
+    results = []
+    for one in wanted:
+        if len(wanted) > 1 and not as_json:
+            print(f"{stream_text(one.stream)}:")
+        if preview:
+            results.append(_preview(one, workers, as_json))
+        elif dry_run:
+            results.append(_estimate(one, where, workers, as_json))
+        else:
+            results.append(
+                _simulate(one, where, "dask" if scheduler else executor, workers, scheduler, as_json)
+            )
+    if as_json:
+        print_json(results if len(results) > 1 else results[0])
 
 
 def _population(component: list[str] | None, preset: str | None, others: list[str]) -> Any:
@@ -202,7 +219,7 @@ def _simulate(
     workers: int | None,
     scheduler: str | None,
     as_json: bool,
-) -> None:
+) -> dict[str, Any]:
     from streamdash.simulation.ensemble import Stopped, simulate
     from streamdash.simulation.workers import WorkerError
 
@@ -236,23 +253,53 @@ def _simulate(
         _say_interrupted(config, cache)
         raise typer.Exit(130) from None
     entry = cache.covering(config) or cache.find(config.key)
-    if as_json:
-        print_json(
-            {
-                "key": entry.key,
-                "label": entry.label,
-                "path": str(entry.path),
-                "state": entry.state,
-                "n_streams": entry.n_done,
-                "size_bytes": entry.size_bytes,
-                "cost_s": entry.cost_s,
-                "seconds": time.perf_counter() - start,
-            }
+    seconds = time.perf_counter() - start
+    if not as_json:
+        among = f" (the first of {entry.n_total})" if entry.key != config.key else ""
+        print(f"{config.n_streams} streams of {entry.label} M☉{among} in {entry.path} ({duration(seconds)}).")
+    return {
+        "key": entry.key,
+        "label": entry.label,
+        "path": str(entry.path),
+        "state": entry.state,
+        "n_streams": entry.n_done,
+        "size_bytes": entry.size_bytes,
+        "cost_s": entry.cost_s,
+        "seconds": seconds,
+    }
+
+
+def _preview(config: EnsembleConfig, workers: int | None, as_json: bool) -> dict[str, Any]:
+    import numpy as np
+
+    from streamdash.simulation.preview import coarse_preview, coarse_text
+    from streamdash.simulation.workers import WorkerError
+
+    start = time.perf_counter()
+    try:
+        with progress_bar() as titled, wrong_input():
+            found = coarse_preview(config, PREVIEWED, workers, titled("Coarse geometry"))
+    except WorkerError as error:
+        raise InputError(str(error)) from error
+    if found.streams is None:
+        raise InputError(f"{found.impacts_per_stream:.3g} impacts a stream are too many for a preview.")
+    spread = (found.streams.density / found.streams.smooth).std("theta").values
+    result = {
+        "preview": coarse_text(config),
+        "impacts_per_stream": found.impacts_per_stream,
+        "impacts": found.streams.n_impacts.values.tolist(),
+        "std_q_rho": [float(f"{value:.4g}") for value in spread],
+        "seconds": time.perf_counter() - start,
+    }
+    if not as_json:
+        print(result["preview"])
+        print(f"Expected impacts per stream: {found.impacts_per_stream:.2f}")
+        for n, value in zip(result["impacts"], result["std_q_rho"], strict=True):
+            print(f"  {n} impacts: Qρ spreads by {value:.3f} along the stream")
+        print(
+            f"Median spread of {len(spread)} streams: {np.median(spread):.3f} ({duration(result['seconds'])})"
         )
-        return
-    took = duration(time.perf_counter() - start)
-    among = f" (the first of {entry.n_total})" if entry.key != config.key else ""
-    print(f"{config.n_streams} streams of {entry.label} M☉{among} in {entry.path} ({took}).")
+    return result
 
 
 @contextlib.contextmanager
@@ -296,7 +343,7 @@ def _dask_client(executor: str, scheduler: str | None):
         yield
 
 
-def _print_estimate(config: EnsembleConfig, cache: Cache, workers: int | None, as_json: bool) -> None:
+def _estimate(config: EnsembleConfig, cache: Cache, workers: int | None, as_json: bool) -> dict[str, Any]:
     from loky import cpu_count
 
     from streamdash.engine.impacts import expected_impacts
@@ -312,21 +359,19 @@ def _print_estimate(config: EnsembleConfig, cache: Cache, workers: int | None, a
         cost = estimate(config, geometry)
     parts = [(component_text(p), expected_impacts(geometry, p)) for p in config.population.components]
     core_s = cost.seconds_per_stream * (config.n_streams - done)
+    result = {
+        "key": config.key,
+        "impacts_per_stream": cost.impacts_per_stream,
+        "components": [{"component": text, "impacts": n} for text, n in parts],
+        "seconds_per_stream": cost.seconds_per_stream,
+        "n_streams": config.n_streams,
+        "n_done": done,
+        "workers": workers,
+        "geometry_seconds": geometry_s,
+        "seconds": geometry_s + core_s / workers,
+    }
     if as_json:
-        print_json(
-            {
-                "key": config.key,
-                "impacts_per_stream": cost.impacts_per_stream,
-                "components": [{"component": text, "impacts": n} for text, n in parts],
-                "seconds_per_stream": cost.seconds_per_stream,
-                "n_streams": config.n_streams,
-                "n_done": done,
-                "workers": workers,
-                "geometry_seconds": geometry_s,
-                "seconds": geometry_s + core_s / workers,
-            }
-        )
-        return
+        return result
     print(f"Expected impacts per stream: {cost.impacts_per_stream:.2f}")
     for text, impacts in parts if len(parts) > 1 else ():
         print(f"  {text}: {impacts:.2f}")
@@ -335,6 +380,7 @@ def _print_estimate(config: EnsembleConfig, cache: Cache, workers: int | None, a
     if geometry_s:
         print(f"Geometry of this stream, not in the cache yet: about {duration(geometry_s)}")
     print(f"Estimated time with {workers} workers: {duration(geometry_s + core_s / workers)}")
+    return result
 
 
 def _probe(stream: StreamModel, cache: Cache, workers: int) -> tuple[Geometry, float]:

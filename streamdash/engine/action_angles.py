@@ -43,6 +43,8 @@ class CompiledIsochroneApprox(actionAngleIsochroneApprox):  # type: ignore[misc]
     What it is called with by galpy's streams is computed here; anything else is left to galpy.
     """
 
+    tolerance: float | None = None
+    """Relative and absolute error of the integration; galpy's 10⁻¹² when None."""
     _last: tuple[np.ndarray, np.ndarray] | None = None
     _slopes: np.ndarray | None = None
 
@@ -99,7 +101,14 @@ class CompiledIsochroneApprox(actionAngleIsochroneApprox):  # type: ignore[misc]
         (n, 9) array
         """
         orbits = Orbit(np.concatenate([points, points * (1, -1, -1, 1, -1, 1)]))
-        orbits.integrate(self._tsJ, self._pot, method=INTEGRATOR, progressbar=False)
+        orbits.integrate(
+            self._tsJ,
+            self._pot,
+            method=INTEGRATOR,
+            progressbar=False,
+            rtol=self.tolerance,
+            atol=self.tolerance,
+        )
         isochrone, n = self._aAI, len(points)
         found = np.empty((n, 9))
         for i, point in enumerate(points):

@@ -102,6 +102,7 @@ def compute_geometry(
     nice: int = 0,
     kept: Mapping[int, Nodes] | None = None,
     keep: Callable[[int, Nodes, float], None] | None = None,
+    coarse: bool = False,
 ) -> Geometry:
     """Build the geometry of `stream` with galpy, impact times in parallel.
 
@@ -109,6 +110,7 @@ def compute_geometry(
     ----------
     kept : nodes of impact times that are known already, by their number.
     keep : called with number, nodes and core seconds of every impact time that is finished.
+    coarse : to a permille only, in half the time; for previews, never for the cache.
 
     Raises
     ------
@@ -124,7 +126,7 @@ def compute_geometry(
         progress(len(nodes), n)
     smooth: dict[str, Any] = {}
     # The smooth stream takes as long as a time or two: it is built by a worker as well.
-    pieces: list[tuple] = [(stream, None), *((stream, k) for k in range(n) if k not in nodes)]
+    pieces: list[tuple] = [(stream, None, coarse), *((stream, k, coarse) for k in range(n) if k not in nodes)]
     try:
         with contextlib.closing(results(timed_part, pieces, executor, workers, nice)) as found:
             for k, new, seconds in found:

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
-from streamdash.config import EnsembleConfig
+from streamdash.config import EnsembleConfig, StreamModel
 from streamdash.engine.geometry import Geometry, smooth_geometry
 from streamdash.engine.impacts import expected_impacts
 from streamdash.simulation.ensemble import background, compute_stream
+from streamdash.simulation.geometry import compute_geometry
 
 PREVIEW_S = 1.0
 """After this long no further stream of a preview is begun."""
 IMPACTS_MAX = 20_000
 """Most impacts expected per stream of which a preview is made: a stream takes about a second then."""
+
+
+COARSE_TIMES = 8
+"""Impact times of a coarse preview."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,50 @@ class Preview:
     impacts_per_stream: float
     seconds_per_stream: float
     streams: xr.Dataset | None
+
+
+def coarse_config(config: EnsembleConfig) -> EnsembleConfig:
+    """The same ensemble with `COARSE_TIMES` impact times, or as many as it has where those are fewer."""
+    few = min(COARSE_TIMES, len(config.stream.impact_times_gyr))
+    stream = StreamModel.parse(config.stream.model_dump() | {"n_times": few, "times_gyr": None})
+    return config.model_copy(update={"stream": stream})
+
+
+def coarse_preview(
+    config: EnsembleConfig,
+    n_streams: int,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    nice: int = 0,
+) -> Preview:
+    """A few streams of a model whose geometry is not there, from a coarse one: seconds instead of minutes.
+
+    Impacts happen at `COARSE_TIMES` times only, and frequencies and tracks are off by up to a permille. The
+    streams are not those that the ensemble will hold, but alike. Nothing is kept.
+
+    Parameters
+    ----------
+    progress : called with impact times done and all; what it raises ends the computation.
+
+    Raises
+    ------
+    ValueError
+        When galpy cannot build a stream from this model.
+    WorkerError
+        When a worker was killed.
+    """
+    coarse = coarse_config(config)
+    geometry = compute_geometry(coarse.stream, workers, progress, nice=nice, coarse=True)
+    return preview(coarse, geometry, n_streams)
+
+
+def coarse_text(config: EnsembleConfig) -> str:
+    """What is said of every coarse preview."""
+    few, all_of_them = (len(one.stream.impact_times_gyr) for one in (coarse_config(config), config))
+    return (
+        f"Coarse preview: impacts at {few} instead of {all_of_them} times, frequencies and tracks to a "
+        "permille; streams alike, but not those that the simulation will hold."
+    )
 
 
 def preview(config: EnsembleConfig, geometry: Geometry, n_streams: int) -> Preview:

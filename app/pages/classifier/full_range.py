@@ -27,8 +27,8 @@ Path("full-range.png").write_bytes(export(draw_full_range(results, "matplotlib")
 PURPOSE = (
     "The paper compares ranges of masses at their own abundance. Here both classes hold all subhalos of "
     "cold dark matter, 10³–10⁹ M☉, and one of them more clusters of 10³–10⁵ M☉. Each point is a classifier "
-    "of the GD-1-like stream, judged on streams it never saw; the table has the power spectrum’s and the evidence’s "
-    "answer too."
+    "of the GD-1-like stream, judged on streams it never saw; the table has the answers of the power "
+    "spectrum and of the evidence too."
 )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +11,13 @@ import xarray as xr
 from loky import cpu_count
 
 from app.services.services import Services, Unavailable
+from streamdash.classifier.data import Cancelled
 from streamdash.config import EnsembleConfig
 from streamdash.engine.geometry import Geometry
 from streamdash.engine.impacts import expected_impacts
 from streamdash.simulation.jobs import JobStatus
-from streamdash.simulation.preview import Preview, expectation, preview
+from streamdash.simulation.limits import Limits
+from streamdash.simulation.preview import Preview, coarse_preview, coarse_text, expectation, preview
 from streamdash.simulation.workers import in_process
 from streamdash.store.cache import Entry
 from streamdash.survey.bands import Bands, bin_angles, compute
@@ -105,7 +108,43 @@ def panel_of(config: EnsembleConfig, glimpse: xr.Dataset | None, finished: xr.Da
     return dataclasses.replace(panel, streams=np.arange(len(few)), highlighted=few)
 
 
+def coarse_previews(
+    configs: Sequence[EnsembleConfig],
+    limits: Limits,
+    progress: Callable[[int, int], None],
+    should_stop: Callable[[], bool],
+) -> list[Preview]:
+    """A coarse preview of every arm, one after the other, for `app.work.tasks.Work.ask`.
+
+    Raises
+    ------
+    ValueError
+        When galpy cannot build a stream.
+    Cancelled
+        When `should_stop` said so.
+    """
+    found: list[Preview] = []
+
+    def report(done: int, total: int) -> None:
+        progress(len(found) * total + done, len(configs) * total)
+        if should_stop():
+            raise Cancelled
+
+    for config in configs:
+        found.append(coarse_preview(config, PREVIEWED, limits.workers, report, limits.nice))
+    return found
+
+
 # ---------------------------------------------------------------- words
+
+
+def words_coarse(config: EnsembleConfig, found: Sequence[Preview], panels: Sequence[Bands]) -> str:
+    """What a coarse preview shows."""
+    impacts = " and ".join(f"{one.impacts_per_stream:.4g}" for one in found)
+    return (
+        f"{coarse_text(config)} {impacts} impacts are expected per stream; density relative to the smooth "
+        f"stream, Qρ, along the parallel angle θ∥, of {len(panels[0].streams)} streams."
+    )
 
 
 def words_before(outlook: Outlook, workers: int) -> str:

@@ -12,8 +12,10 @@ from typing import Any, Literal, get_args, get_origin
 
 from streamdash.config import Config, ConfigError, EnsembleConfig, Perturbers, Population, mass_label
 from streamdash.populations import PRESETS as POPULATIONS
-from streamdash.populations import component_text, parse_component
+from streamdash.populations import component_text, half_mode_mass, parse_component
 from streamdash.simulation.limits import Limits
+from streamdash.stream_model import SkyProgenitor, StreamModel
+from streamdash.streams import STREAM_NAMES, Stream, named_stream
 
 _DEFAULT = EnsembleConfig()
 
@@ -40,7 +42,7 @@ class Knob:
 
     @property
     def default(self) -> str:
-        """Text of the default value."""
+        """Text of the default value; of a stream's own value, none."""
         return text_of(_DEFAULT, self)
 
     @property
@@ -49,6 +51,8 @@ class Knob:
         kind = self._field.annotation
         if kind is bool:
             return ("yes", "no")
+        if self.name == ARM:
+            return (*get_args(kind), BOTH)
         return get_args(kind) if get_origin(kind) is Literal else ()
 
     @property
@@ -78,6 +82,10 @@ class Knob:
         return model.model_fields[last]
 
 
+NAMED = "sim_stream"
+"""Name, in links and of the session's parameter, of the stream by name that the stream's knobs start from."""
+ARM, BOTH = "sim_arm", "both"
+"""Name of the knob of the arm, and its word for two ensembles at once."""
 MORE = "sim_more"
 """Name of the knob that holds all components but one."""
 SUBHALOS, STREAM, SAMPLE = "Perturbers", "Stream model", "How many"
@@ -136,7 +144,7 @@ KNOBS = tuple(
             "sim_hm",
             "perturbers.half_mode_mass",
             "Half-mode mass",
-            "M☉",
+            "M☉, or m_WDM as 5 keV",
             "Warm dark matter as published: fewer by (1 + 2.7 M_hm / M)^−0.99. Empty: cold.",
             SUBHALOS,
         ),
@@ -180,16 +188,30 @@ KNOBS = tuple(
             "Other perturbers that hit the same stream, as 1e3-1e5,rate=3; a semicolon between them.",
             SUBHALOS,
         ),
-        ("sim_age", "stream.age_gyr", "Age", "Gyr", "Time since the progenitor began to disrupt.", STREAM),
+        (
+            "sim_age",
+            "stream.age_gyr",
+            "Age",
+            "Gyr",
+            "Time since the progenitor began to disrupt. Empty: the stream's own.",
+            STREAM,
+        ),
         (
             "sim_sigma_v",
             "stream.sigma_v_kms",
             "Velocity dispersion of the stream",
             "km/s",
-            "Empty: 0.1825 km/s · 9 Gyr / age, which keeps its length.",
+            "Empty: the stream's own, which goes as 1 / age and keeps its length.",
             STREAM,
         ),
-        ("sim_arm", "stream.arm", "Arm", "", "Leading or trailing the progenitor.", STREAM),
+        (
+            ARM,
+            "stream.arm",
+            "Arm",
+            "",
+            "Leading or trailing the progenitor; both are hit by one population, each by its own impacts.",
+            STREAM,
+        ),
         (
             "sim_n_times",
             "stream.n_times",
@@ -211,7 +233,7 @@ KNOBS = tuple(
             "stream.potential.q",
             "Flattening of the halo",
             "",
-            "q of the logarithmic potential; 1 is a sphere.",
+            "q of the logarithmic potential; 1 is a sphere. Empty: the stream's own potential.",
             STREAM,
         ),
         (
@@ -219,7 +241,7 @@ KNOBS = tuple(
             "stream.isochrone_b",
             "Isochrone scale b",
             "8 kpc",
-            "Of the action-angle approximation; 0.8 suits orbits like GD-1's.",
+            "Of the action-angle approximation. Empty: the stream's own.",
             STREAM,
         ),
         (
@@ -227,7 +249,8 @@ KNOBS = tuple(
             "stream.progenitor",
             "Progenitor today",
             "8 kpc, 220 km/s",
-            "R, vR, vT, z, vz, φ: six numbers joined by commas.",
+            "Six numbers R, vR, vT, z, vz, φ, or as seen: ra=, dec=, distance_kpc=, pm_ra=, pm_dec=, "
+            "v_los_kms= (or ell=, b=, pm_ell=, pm_b=). Empty: the stream's own.",
             STREAM,
         ),
         (
@@ -251,24 +274,41 @@ KNOBS = tuple(
 BY_NAME = {knob.name: knob for knob in KNOBS}
 
 
+def configs_of(values: Mapping[str, str]) -> tuple[EnsembleConfig, ...]:
+    """The configurations that texts of knobs make: one, or of both arms two, as `config_of`."""
+    if values.get(ARM) != BOTH:
+        return (config_of(values),)
+    stream = named_stream(values.get(NAMED, STREAM_NAMES[0]))
+    if len(stream.arms) < 2:
+        raise ConfigError(
+            f"Arm: {stream.title} has a {stream.default_arm} arm only; choose that one, or another stream."
+        )
+    return tuple(config_of({**values, ARM: arm}) for arm in stream.arms)
+
+
 def config_of(values: Mapping[str, str]) -> EnsembleConfig:
     """The configuration that texts of knobs make; knobs that are not named have their defaults.
+
+    Of both arms, that of the first.
 
     Raises
     ------
     ConfigError
         In one sentence that begins with the knob's label.
     """
+    if values.get(ARM) == BOTH:
+        return configs_of(values)[0]
     data: dict[str, Any] = {}
     further = _components(values.get(MORE, ""))
     for name, text in values.items():
-        if name == MORE:
+        if name in (MORE, NAMED):
             continue
         *parents, last = BY_NAME[name].path.split(".")
         place = data
         for parent in parents:
             place = place.setdefault(parent, {})
         place[last] = _value(BY_NAME[name], text.strip())
+    data["stream"] = _on_named(named_stream(values.get(NAMED, STREAM_NAMES[0])), data.get("stream", {}))
     try:
         config = EnsembleConfig.parse(data)
         if not further:
@@ -277,6 +317,27 @@ def config_of(values: Mapping[str, str]) -> EnsembleConfig:
         return config.model_copy(update={"population": population})
     except ConfigError as error:
         raise ConfigError(_labelled(str(error))) from None
+
+
+def _on_named(stream: Stream, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of the stream model: those of a named stream where nothing else is given."""
+    given = {name: value for name, value in given.items() if value is not None}
+    arm = given.get("arm", "leading")
+    base = stream.arms.get(arm, stream.arm()).model_dump(mode="json", exclude_none=True) | {"arm": arm}
+    q = given.pop("potential", {}).get("q")
+    if q is not None and "name" in base["potential"]:
+        raise ConfigError(
+            f"{BY_NAME['sim_q'].label}: {stream.title} lies in {base['potential']['name']}, which has no q; "
+            "leave this empty."
+        )
+    if q is not None:
+        base["potential"] = {"q": q}
+    if "age_gyr" in given and "sigma_v_kms" in base and "sigma_v_kms" not in given:
+        try:  # a wrong age is refused as such
+            base["sigma_v_kms"] = stream.at_age(float(given["age_gyr"])).arms[arm].sigma_v_kms
+        except (ValueError, KeyError):
+            base.pop("sigma_v_kms")
+    return base | given
 
 
 def check(knob: Knob, text: str) -> str:
@@ -291,6 +352,8 @@ def check(knob: Knob, text: str) -> str:
         raise ValueError("must be plain text")
     # A list of times is judged by the longest age there is.
     others = {"sim_age": "13.8"} if knob.name == "sim_times" else {}
+    if knob.name == ARM:
+        others = {NAMED: STREAM_NAMES[1]}  # which has both
     try:
         config_of({**others, knob.name: text})
     except ConfigError as error:
@@ -307,6 +370,8 @@ def text_of(config: EnsembleConfig, knob: Knob, component: int = 0) -> str:
     parts = config.population.components
     if knob.name == MORE:
         return "; ".join(component_text(part) for i, part in enumerate(parts) if i != component)
+    if knob.name in OWN and _of_named(config.stream, knob):
+        return ""
     value: Any = config
     path = knob.path.split(".")
     if path[0] == "perturbers":
@@ -320,6 +385,10 @@ def text_of(config: EnsembleConfig, knob: Knob, component: int = 0) -> str:
         return "yes" if value else "no"
     if knob.name == "sim_mass":
         return mass_label(value)
+    if isinstance(value, SkyProgenitor):
+        return ", ".join(
+            f"{name}={_number(x)}" for name, x in value.model_dump(exclude_defaults=True).items()
+        )
     if isinstance(value, tuple):
         return ", ".join(_number(x) for x in value)
     return _number(value) if isinstance(value, float) else str(value)
@@ -327,7 +396,33 @@ def text_of(config: EnsembleConfig, knob: Knob, component: int = 0) -> str:
 
 def texts_of(config: EnsembleConfig, component: int = 0) -> dict[str, str]:
     """All knobs' texts for a configuration, those of perturbers for one component of its population."""
-    return {knob.name: text_of(config, knob, component) for knob in KNOBS}
+    texts = {knob.name: text_of(config, knob, component) for knob in KNOBS}
+    return {NAMED: base_of(config.stream).name, **texts}
+
+
+OWN = ("sim_age", "sim_sigma_v", "sim_q", "sim_b", "sim_progenitor")
+"""Knobs whose empty text is the named stream's own value."""
+
+
+def base_of(model: StreamModel) -> Stream:
+    """The named stream that the knobs of a model start from: its own, or one in the same potential."""
+    named = [named_stream(name) for name in STREAM_NAMES]
+    alike = [s for s in named if type(s.arm().potential) is type(model.potential)]
+    return next((s for s in alike if s.arm().progenitor == model.progenitor), alike[0])
+
+
+def _of_named(model: StreamModel, knob: Knob) -> bool:
+    """Whether a model's value is that of its named stream, whose dispersion follows the age."""
+    stream = base_of(model)
+    if knob.name == "sim_sigma_v":
+        stream = stream.at_age(model.age_gyr)
+    own = stream.arms.get(model.arm, stream.arm())
+    path = knob.path.split(".")[1:]
+    ours: Any = model
+    theirs: Any = own
+    for part in path:
+        ours, theirs = getattr(ours, part, None), getattr(theirs, part, None)
+    return ours == theirs
 
 
 def told_by_knobs(config: EnsembleConfig) -> bool:
@@ -351,7 +446,9 @@ def _components(text: str) -> list[Perturbers]:
         raise ConfigError(f"{BY_NAME[MORE].label}: {error}") from None
 
 
-def _number(value: float) -> str:
+def _number(value: Any) -> str:
+    if not isinstance(value, (int, float)):
+        return str(value)
     short = f"{value:g}"
     return short if float(short) == value else repr(value)
 
@@ -360,12 +457,28 @@ def _value(knob: Knob, text: str) -> Any:
     if text == "":
         # Empty means "not given" where that is allowed, and is refused by the model elsewhere.
         return None
+    if knob.name == "sim_hm" and text.casefold().endswith("kev"):
+        return _of_kev(text[:-3])
+    if knob.name == "sim_progenitor" and "=" in text:
+        pairs = [part.partition("=") for part in text.split(",")]
+        return {name.strip(): value.strip() for name, _, value in pairs}
     if knob.name in ("sim_times", "sim_progenitor"):
         parts = [part.strip() for part in text.split(",")]
         if knob.name == "sim_progenitor" and len(parts) != 6:
             raise ConfigError(f"{knob.label}: must be six numbers joined by commas (got {len(parts)}).")
         return parts
     return text
+
+
+def _of_kev(text: str) -> float:
+    """Half-mode mass of warm dark matter of a mass in keV."""
+    label = BY_NAME["sim_hm"].label
+    try:
+        return float(f"{half_mode_mass(float(text)):.4g}")
+    except ConfigError as error:
+        raise ConfigError(f"{label}: {str(error).partition(': ')[2]}") from None
+    except ValueError:
+        raise ConfigError(f"{label}: {text[:20].strip()!r} is no mass in keV.") from None
 
 
 def _labelled(sentence: str) -> str:

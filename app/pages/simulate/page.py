@@ -12,19 +12,33 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
-from app.pages.simulate.forecast import Outlook, look_ahead, n_workers, panel_of, words_before, words_curves
-from app.pages.simulate.knobs import BY_NAME, config_of, place_of, texts_of
+from app.pages.simulate.forecast import (
+    Outlook,
+    coarse_previews,
+    look_ahead,
+    n_workers,
+    panel_of,
+    words_before,
+    words_coarse,
+    words_curves,
+)
+from app.pages.simulate.knobs import BY_NAME, NAMED, configs_of, place_of, texts_of
 from app.pages.simulate.parts import Components, Others, Progress, knobs, presets
 from app.services.services import Unavailable
 from app.session.catalog import CLASSES_MAX
 from app.work.later import REST_S, Later
+from app.work.tasks import Task, Watch
 from streamdash.config import ConfigError, EnsembleConfig
 from streamdash.plots import profiles
 from streamdash.plots.live import LiveFigure, export
 from streamdash.simulation.jobs import JobStatus, Refused
+from streamdash.simulation.preview import Preview, coarse_config
+from streamdash.streams import stream_text
 from streamdash.survey.bands import Bands
 
 LOOK_MS = 300
+TEXTS = frozenset({NAMED, *BY_NAME})
+"""Parameters of the session that describe a simulation."""
 REDRAW_S = 1.0
 """Curves are drawn no more often than this while streams are finished, for the sake of other pages."""
 INKED = (profiles.MEDIAN, profiles.SMOOTH)
@@ -41,14 +55,16 @@ class SimulatePage(Page):
     """Choose, preview, start, watch, cancel and resume a simulation."""
 
     key, title = "simulate", "Simulate"
-    uses = frozenset({*BY_NAME, "sim_title", "theme"})
+    uses = frozenset({*TEXTS, "sim_title", "theme"})
     needs_ensembles = False
 
     def view(self) -> Viewable:
         self.config: EnsembleConfig | None = None
-        self.outlook: Outlook | None = None
-        self.panel: Bands | None = None
-        self.live: LiveFigure | None = None
+        self.configs: tuple[EnsembleConfig, ...] = ()
+        self.outlooks: tuple[Outlook, ...] = ()
+        self.panels: list[Bands] = []
+        self.lives: list[LiveFigure] = []
+        self.watch = Watch(self._show_coarse)
         self._asked: tuple = ()
         self._waiting = self._closed = False
         self._drawn = -math.inf
@@ -56,14 +72,15 @@ class SimulatePage(Page):
         self._timer: Any = None
         self.later = Later(self.services, self._show_outlook, self._fail)
         self.components = Components(lambda texts: self.session.param.update(**texts))
-        self.progress = Progress(self.start, self.cancel, self.see_profiles)
+        self.progress = Progress(self.start, self.cancel, self.see_profiles, self.preview)
+        self.caveats = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.others = Others(self.show)
         self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.card = ui.FigureCard(
             "The first streams, and all as they are finished",
             self.slot,
             name="simulate",
-            image=lambda kind: export(profiles.layout([self._ready()], "matplotlib"), kind),
+            image=lambda kind: export(profiles.layout(self._ready(), "matplotlib"), kind),
             table=self.table,
             code=self.code,
             legend=ui.legend(LEGEND, 1),
@@ -75,6 +92,7 @@ class SimulatePage(Page):
             self.services.jobs.prepare()
         return ui.page_layout(
             presets(self),
+            self.caveats,
             self.components.view,
             knobs(self),
             self.progress.view,
@@ -83,14 +101,16 @@ class SimulatePage(Page):
         )
 
     def update(self, changed: frozenset[str]) -> None:
-        if "theme" in changed and self.live is not None:
-            self.live.set_ink(self.session.theme == "dark")
-        if changed & BY_NAME.keys():
+        if "theme" in changed:
+            for live in self.lives:
+                live.set_ink(self.session.theme == "dark")
+        if changed & TEXTS:
             self._read()
 
     def close(self) -> None:
         self._closed = True
         self.later.cancel()
+        self.watch.leave()
         if self._timer is not None:
             self._timer.stop()
             self._timer = None
@@ -100,10 +120,9 @@ class SimulatePage(Page):
 
     def start(self) -> None:
         """Start or resume what the knobs say, or join those who wait for the same."""
-        if self.config is None:
-            return
         try:
-            self.services.jobs.submit(self.config, self.session.visitor, self.session.sim_title)
+            for config in self.configs:
+                self.services.jobs.submit(config, self.session.visitor, self.session.sim_title)
         except Refused as refusal:
             self.progress.refuse(str(refusal))
         else:
@@ -112,9 +131,39 @@ class SimulatePage(Page):
 
     def cancel(self) -> None:
         """Withdraw from the job; it stops when nobody else wants it."""
-        if self.config is not None:
-            self.services.jobs.cancel(self.config.key, self.session.visitor)
-            self.look()
+        for config in self.configs:
+            self.services.jobs.cancel(config.key, self.session.visitor)
+        self.look()
+
+    def preview(self) -> None:
+        """Have streams of a coarse geometry computed: seconds where the true one takes minutes."""
+        configs, limits = self.configs, self.services.jobs.limits
+
+        def compute(progress: Any, should_stop: Any) -> list[Preview]:
+            return coarse_previews(configs, limits, progress, should_stop)
+
+        self.watch.follow(self.services.laboratory.ask(self._coarse_key(), compute))
+
+    def _coarse_key(self) -> tuple[str, ...]:
+        return ("coarse preview", *(config.key for config in self.configs))
+
+    def _show_coarse(self, task: Task) -> None:
+        """Show how far a coarse preview is, and then its streams."""
+        waiting = task.active and task.waiting_for_it > 0
+        self.progress.coarse.disabled = waiting
+        self.progress.bar.visible = waiting
+        self.progress.bar.value = int(100 * task.fraction)
+        if task.state == "failed":
+            self.progress.refuse(task.error)
+        if task.state != "done" or task.key != self._coarse_key():
+            return
+        shown = [
+            panel_of(coarse_config(config), one.streams, None)
+            for config, one in zip(self.configs, task.result, strict=True)
+        ]
+        self._draw([panel for panel in shown if panel is not None])
+        if self.panels:
+            self.card.say(words_coarse(self.configs[0], task.result, self.panels))
 
     def show(self, config: EnsembleConfig, title: str) -> None:
         """Set the knobs to a configuration."""
@@ -123,9 +172,9 @@ class SimulatePage(Page):
     def see_profiles(self) -> None:
         """Go to the Profiles page with this ensemble among those compared."""
         key, session = self._complete_key(), self.session
-        if key is None or self.config is None:
+        if key is None:
             return
-        stream = session.catalog.stream(self.config.stream.key)
+        stream = session.catalog.stream(self._stream_key())
         assert stream is not None
         others = session.mass if session.stream == stream.key else [c.key for c in stream.default()]
         wanted = {key, *[other for other in others if other != key][: CLASSES_MAX - 1]}
@@ -140,7 +189,7 @@ class SimulatePage(Page):
         self.others.show(jobs.statuses, catalog.unfinished)
         status = self._status()
         if status is not None:
-            self.progress.show(status, self.session.visitor)
+            self.progress.show(status, self.session.visitor, self._which(status.config))
             news = (status.key, status.done, status.active)
             rested = not status.active or time.monotonic() - self._drawn > REDRAW_S
             if self._asked != news and not self._waiting and rested and not self._shows(status):
@@ -159,64 +208,101 @@ class SimulatePage(Page):
             self.look()
 
     def _status(self) -> JobStatus | None:
-        """The job of the configuration shown, unless it ended and was completed by other means."""
-        if self.config is None:
-            return None
-        status = self.services.jobs.find(self.config.key)
-        there = self.outlook is not None and self.outlook.config == self.config and self.outlook.covering
-        return None if status is not None and there and status.state in ("cancelled", "failed") else status
+        """The job of the configuration shown, unless it ended and was completed by other means.
+
+        Of both arms, that of the one which is being computed, else of the one that is not there yet.
+        """
+        found = []
+        for config in self.configs:
+            status, outlook = self.services.jobs.find(config.key), self._outlook(config)
+            there = outlook is not None and outlook.covering
+            if status is not None and not (there and status.state in ("cancelled", "failed")):
+                found.append(status)
+        order = ("running", "geometry", "stopping", "elsewhere", "waiting", "failed", "cancelled", "done")
+        return min(found, key=lambda status: order.index(status.state), default=None)
+
+    def _which(self, config: EnsembleConfig) -> str:
+        """Of both arms, which one a configuration is, to begin a sentence with."""
+        return f"{config.stream.arm.capitalize()} arm: " if len(self.configs) > 1 else ""
+
+    def _outlook(self, config: EnsembleConfig) -> Outlook | None:
+        return next((outlook for outlook in self.outlooks if outlook.config == config), None)
+
+    def _stream_key(self) -> str:
+        """Key in the catalog of the stream shown; of both arms, theirs together."""
+        return "+".join(config.stream.key for config in self.configs)
 
     def _shows(self, status: JobStatus) -> bool:
         """Whether the figure has all streams that an active job has finished."""
-        outlook = self.outlook
-        same = outlook is not None and outlook.config == self.config and outlook.n_done == status.done
-        return same and status.active
+        outlook = self._outlook(status.config)
+        return outlook is not None and outlook.n_done == status.done and status.active
 
     def _complete_key(self) -> str | None:
         """Key of the ensemble in the catalog that holds the streams of the configuration shown."""
-        outlook = self.outlook
-        if self.config is None or outlook is None or outlook.config != self.config or not outlook.covering:
+        known = [outlook for outlook in map(self._outlook, self.configs) if outlook is not None]
+        there = [outlook.covering.key for outlook in known if outlook.covering is not None]
+        stream = self.session.catalog.stream(self._stream_key()) if self.configs else None
+        if stream is None or len(there) < len(self.configs):
             return None
-        stream = self.session.catalog.stream(self.config.stream.key)
-        keys = [choice.key for choice in stream.ensembles] if stream else []
-        return outlook.covering.key if outlook.covering.key in keys else None
+        keys = [choice.key for choice in stream.ensembles]
+        if "+".join(there) in keys or len(there) == 1:
+            return "+".join(there) if "+".join(there) in keys else None
+        population = self.configs[0].population  # both arms' longest ensembles stand for all of a population
+        return next((c.key for c in stream.ensembles if c.config.population == population), None)
 
     def _read(self) -> None:
         """Take the knobs' texts over."""
         try:
-            texts = {name: getattr(self.session, name) for name in BY_NAME}
-            self.config = config_of(texts)
+            texts = {name: getattr(self.session, name) for name in TEXTS}
+            self.configs = configs_of(texts)
+            self.config = self.configs[0]
             self.components.show(self.config, place_of(texts, self.config))
         except ConfigError as error:
-            self.config = None
+            self.config, self.configs = None, ()
+            self.progress.coarse.visible = False
             self.later.cancel()
             self._waiting = False
             self.progress.announce("", can_start=False, resume=False)
             self.progress.refuse(str(error))
             return
+        self.caveats[:] = [ui.stream_caveats(self.config.stream)]
+        self.watch.leave()
         self.progress.refuse("")
         self.progress.announce("Looking ahead …", can_start=True, resume=False)
         self._ask(())
         self.look()
 
     def _ask(self, about: tuple, rest_s: float = REST_S) -> None:
-        config, services = self.config, self.services
-        assert config is not None
+        configs, services = self.configs, self.services
         self._asked, self._waiting = about, True
-        self.later.ask(lambda: look_ahead(services, config), rest_s)
+        self.later.ask(lambda: tuple(look_ahead(services, config) for config in configs), rest_s)
 
-    def _show_outlook(self, outlook: Outlook) -> None:
+    def _show_outlook(self, outlooks: tuple[Outlook, ...]) -> None:
         self._waiting = False
         self._drawn = time.monotonic()
-        self.outlook = outlook
-        if outlook.config == self.config:
-            self.components.expect(outlook.impacts)
+        self.outlooks = outlooks
+        same = tuple(outlook.config for outlook in outlooks) == self.configs
+        if same:
+            self.components.expect([outlook.impacts for outlook in outlooks])
         status = self._status()
         if status is None or status.state == "done":
-            can = outlook.covering is None
-            resume = can and outlook.n_done > 0
-            self.progress.announce(words_before(outlook, n_workers(self.services)), can, resume)
-        self._draw(outlook)
+            can = any(outlook.covering is None for outlook in outlooks)
+            resume = can and any(outlook.covering is None and outlook.n_done > 0 for outlook in outlooks)
+            workers = n_workers(self.services)
+            words = [self._which(one.config) + words_before(one, workers) for one in outlooks]
+            self.progress.announce(" ".join(words), can, resume)
+        lacking = any(outlook.geometry_s for outlook in outlooks)
+        self.progress.coarse.visible = bool(same and lacking and self.services.jobs.limits.max_jobs)
+        if self.watch.following is None or not lacking:
+            panels = [panel_of(one.config, one.preview.streams, one.finished) for one in outlooks]
+            shown = [panel for panel in panels if panel is not None]
+            self._draw(shown)
+            if shown:
+                pairs = [
+                    (one, panel) for one, panel in zip(outlooks, panels, strict=True) if panel is not None
+                ]
+                words = [self._which(one.config) + words_curves(one, panel) for one, panel in pairs]
+                self.card.say(" ".join(words))
         self.look()
 
     def _fail(self, sentence: str) -> None:
@@ -226,33 +312,41 @@ class SimulatePage(Page):
 
     # ------------------------------------------------------------ the figure
 
-    def _draw(self, outlook: Outlook) -> None:
-        self.panel = panel_of(outlook.config, outlook.preview.streams, outlook.finished)
-        if self.panel is None:
-            self.live = None
+    def _draw(self, panels: list[Bands]) -> None:
+        """Show the streams of every arm, side by side."""
+        self.panels = panels
+        shape = [(panel.config.stream.key, len(panel.x)) for panel in panels]
+        if not panels:
+            self.lives = []
             self.slot[:] = [ui.plain_text("There are no streams to show yet.", margin=(16, 0))]
             self.card.say("")
-            return
-        if self.live is None or len(self.panel.x) != self._n_shown:
-            self._n_shown = len(self.panel.x)
-            self.live = LiveFigure(profiles.draw(self.panel, "bokeh"), ink=INKED)
-            self.live.set_ink(self.session.theme == "dark")
-            self.slot[:] = [pn.pane.Bokeh(self.live.figure, sizing_mode=ui.WIDE, margin=0)]
+        elif not self.lives or shape != self._drawn_shape:
+            self.lives = [LiveFigure(profiles.draw(panel, "bokeh"), ink=INKED) for panel in panels]
+            cells = []
+            for live, panel in zip(self.lives, panels, strict=True):
+                live.set_ink(self.session.theme == "dark")
+                heading = ui.caption(stream_text(panel.config.stream))
+                cells.append(ui.figure_cell(heading, live.figure))
+            self.slot[:] = [ui.figure_grid(cells, narrowest=420)]
         else:
-            self.live.patch(profiles.columns(self.panel))
-        self.card.say(words_curves(outlook, self.panel))
+            for live, panel in zip(self.lives, panels, strict=True):
+                live.patch(profiles.columns(panel))
+        self._drawn_shape = shape
 
-    _n_shown = 0
+    _drawn_shape: list[tuple[str, int]] = []
 
     def table(self) -> pd.DataFrame:
         """The figure's numbers as they are now."""
-        return profiles.table([self._ready()])
+        return profiles.table(self._ready())
 
     def code(self) -> str:
         """Lines of Python that make the ensemble and the figure."""
-        if self.config is None:
+        if not self.configs:
             raise Unavailable("The knobs describe no simulation yet.")
-        text = self.config.model_dump_json(exclude_defaults=True)
+        texts = "\n".join(
+            f"    EnsembleConfig.parse('{config.model_dump_json(exclude_defaults=True)}'),"
+            for config in self.configs
+        )
         return (
             "from pathlib import Path\n\n"
             "from streamdash.config import EnsembleConfig\n"
@@ -260,13 +354,14 @@ class SimulatePage(Page):
             "from streamdash.plots.live import export\n"
             "from streamdash.plots.profiles import profiles_figure\n"
             "from streamdash.store.cache import Cache\n\n"
-            f"config = EnsembleConfig.parse('{text}')\n"
-            "simulate(config)\n"
-            'figure = profiles_figure(Cache.default(), [config], "q_rho", "theta", highlight=5)\n'
-            'Path("simulate.png").write_bytes(export(figure, "png"))\n'
+            f"configs = [\n{texts}\n]\n"
+            "for config in configs:\n"
+            "    simulate(config)\n"
+            '    figure = profiles_figure(Cache.default(), [config], "q_rho", "theta", highlight=5)\n'
+            '    Path(f"simulate-{config.stream.arm}.png").write_bytes(export(figure, "png"))\n'
         )
 
-    def _ready(self) -> Bands:
-        if self.panel is None:
+    def _ready(self) -> list[Bands]:
+        if not self.panels:
             raise Unavailable("There are no streams to show yet.")
-        return self.panel
+        return self.panels

@@ -11,18 +11,35 @@ from panel.viewable import Viewable
 from app import ui
 from app.page import Page
 from app.pages.simulate.forecast import words_numbers, words_row, words_state
-from app.pages.simulate.knobs import KNOBS, PRESETS, SAMPLE, STREAM, SUBHALOS, Knob, texts_of, told_by_knobs
+from app.pages.simulate.knobs import (
+    ARM,
+    BOTH,
+    BY_NAME,
+    KNOBS,
+    NAMED,
+    OWN,
+    PRESETS,
+    SAMPLE,
+    STREAM,
+    SUBHALOS,
+    Knob,
+    texts_of,
+    told_by_knobs,
+)
 from app.session.catalog import Choice, label_of
 from app.ui.browser import LiveText
 from streamdash.config import EnsembleConfig, Perturbers, Population
 from streamdash.naming import differences, population_text
 from streamdash.population import COMPONENTS_MAX
+from streamdash.populations import HIGH, LOW
 from streamdash.simulation.jobs import JobStatus
+from streamdash.simulation.preview import COARSE_TIMES
+from streamdash.streams import STREAM_NAMES, named_stream
 
 
 def presets(page: Page) -> Viewable:
-    """Menu that sets all knobs but those that say how many."""
-    plain = {knob.name: knob.default for knob in KNOBS if knob.group != SAMPLE}
+    """Menus of the stream, and of the populations by name, which set the perturbers' knobs."""
+    plain = {knob.name: knob.default for knob in KNOBS if knob.group == SUBHALOS}
     start = "Start from …"
     menu = ui.menu(
         "preset", "Population", {start: "", **{words: words for words in PRESETS}}, value="", width=330
@@ -34,7 +51,23 @@ def presets(page: Page) -> Viewable:
             menu.value = ""  # the knobs may be changed after: the menu does not say what they are
 
     menu.param.watch(chosen, "value")
-    return pn.Column(menu, sizing_mode=ui.WIDE, margin=(0, 0, 8, 0))
+    streams = {named_stream(name).title: name for name in STREAM_NAMES}
+    stream = ui.menu(NAMED, "Stream", streams, value=page.session.sim_stream)
+
+    def turned(event: Any) -> None:
+        if event.new == page.session.sim_stream:
+            return
+        arms = named_stream(event.new).arms
+        now = getattr(page.session, ARM)
+        kept = now if len(arms) > 1 and now == BOTH else ""
+        own = dict.fromkeys(OWN, "")  # another stream has another age, potential and progenitor
+        texts = {**own, ARM: kept or next(iter(arms)), NAMED: event.new}
+        page.session.param.update(**texts)
+
+    stream.param.watch(turned, "value")
+    page.follow(NAMED, lambda: stream.param.update(value=page.session.sim_stream))
+    arms = ui.toggle(page, ARM, "Arm", {option.capitalize(): option for option in BY_NAME[ARM].options})
+    return pn.Column(ui.controls(stream, arms, menu), sizing_mode=ui.WIDE, margin=(0, 0, 8, 0))
 
 
 class Components:
@@ -46,7 +79,11 @@ class Components:
         self._listed: tuple = ()
         self.note = ui.plain_text("", margin=(0, 10))
         self.rows = pn.Column(sizing_mode=ui.WIDE, margin=0, css_classes=["sd-sim-components"])
-        self.view = pn.Column(ui.caption("What hits the stream"), self.rows, self.note, sizing_mode=ui.WIDE)
+        self._parts: Sequence[Perturbers] = ()
+        self.add = ui.button("Add a component", self._add, size="small", css_classes=["sd-sim-add"])
+        self.view = pn.Column(
+            ui.caption("What hits the stream"), self.rows, self.add, self.note, sizing_mode=ui.WIDE
+        )
 
     def show(self, config: EnsembleConfig, in_hand: int) -> None:
         """List the components; the knobs below tell of the one that is in hand."""
@@ -57,12 +94,27 @@ class Components:
         parts = config.population.components
         self._numbers = [ui.plain_text("", sizing_mode=None, width=190, margin=(8, 10)) for _ in parts]
         self.rows[:] = [self._row(config, i, i == in_hand) for i in range(len(parts))]
+        self.add.disabled = len(parts) >= COMPONENTS_MAX
+        self._parts = parts
         self.note.write(" ".join(config.population.overlaps()))
 
-    def expect(self, impacts: Sequence[float]) -> None:
-        """Tell how often each component hits a stream; nothing where that is not known yet."""
+    def expect(self, impacts: Sequence[Sequence[float]]) -> None:
+        """Tell how often each component hits each arm; nothing where that is not known yet."""
         for i, number in enumerate(self._numbers):
-            number.write(f"{impacts[i]:.4g} impacts a stream" if impacts else "")
+            known = [f"{arm[i]:.4g}" for arm in impacts if len(arm) > i]
+            number.write(f"{' + '.join(known)} impacts a stream" if known else "")
+
+    def _add(self) -> None:
+        """One more component, of masses that are not there yet if possible, to be changed in the fields."""
+        there = {part.mass_range for part in self._parts}
+        hand = next((Perturbers(mass_range=m) for m in (LOW, HIGH) if m not in there), Perturbers())
+        self._put([*self._parts, hand], hand)
+
+    def _put(self, components: Sequence[Perturbers], hand: Perturbers) -> None:
+        """Change the perturbers' knobs alone: of both arms, a configuration is only one."""
+        changed = EnsembleConfig(population=Population(components=tuple(components)))
+        texts = texts_of(changed, changed.population.components.index(hand))
+        self._change({knob.name: texts[knob.name] for knob in KNOBS if knob.group == SUBHALOS})
 
     def _row(self, config: EnsembleConfig, i: int, in_hand: bool) -> Viewable:
         parts = config.population.components
@@ -73,20 +125,16 @@ class Components:
         def button(words: str, action: Callable[[], Any]) -> Viewable:
             return ui.button(words, action, size="small", css_classes=[f"sd-sim-{words.lower()}"])
 
-        def put(components: Sequence[Perturbers], hand: Perturbers) -> None:
-            changed = config.model_copy(update={"population": Population(components=tuple(components))})
-            self._change(texts_of(changed, changed.population.components.index(hand)))
-
         others = [*parts[:i], *parts[i + 1 :]]
         buttons: list[Viewable] = []
         if in_hand:
             buttons.append(ui.plain_text("in the fields below", sizing_mode=None, width=150, margin=(8, 10)))
         else:
-            buttons.append(button("Edit", lambda: put(parts, parts[i])))
+            buttons.append(button("Edit", lambda: self._put(parts, parts[i])))
         if len(parts) < COMPONENTS_MAX:
-            buttons.append(button("Copy", lambda: put([*parts, parts[i]], parts[i])))
+            buttons.append(button("Copy", lambda: self._put([*parts, parts[i]], parts[i])))
         if others:
-            buttons.append(button("Remove", lambda: put(others, others[0])))
+            buttons.append(button("Remove", lambda: self._put(others, others[0])))
         return ui.controls(name, self._numbers[i], *buttons)
 
 
@@ -96,7 +144,8 @@ def knobs(page: Page) -> Viewable:
         page, "sim_title", "Name (optional)", "Under which everybody will find it, beside its mass range."
     )
     groups = {
-        group: [_field(page, k) for k in KNOBS if k.group == group] for group in (SAMPLE, SUBHALOS, STREAM)
+        group: [_field(page, k) for k in KNOBS if k.group == group and k.name != ARM]
+        for group in (SAMPLE, SUBHALOS, STREAM)
     }
     first, *others = groups[SUBHALOS]
     return pn.Column(
@@ -129,10 +178,14 @@ def _field(page: Page, knob: Knob) -> Viewable:
 
 
 class Progress:
-    """Start, cancel, and how far the configuration of the page is."""
+    """Start, cancel, coarse preview, and how far the configuration of the page is."""
 
     def __init__(
-        self, start: Callable[[], Any], cancel: Callable[[], Any], profiles: Callable[[], Any]
+        self,
+        start: Callable[[], Any],
+        cancel: Callable[[], Any],
+        profiles: Callable[[], Any],
+        coarse: Callable[[], Any],
     ) -> None:
         def button(words: str, action: Callable[[], Any], name: str, **params: Any) -> Any:
             return ui.button(words, action, css_classes=[f"sd-sim-{name}"], margin=(4, 10), **params)
@@ -140,6 +193,8 @@ class Progress:
         self.start = button("Simulate", start, "start", color="primary", size="large")
         self.cancel = button("Cancel", cancel, "cancel", visible=False)
         self.see = button("See its profiles", profiles, "see", visible=False)
+        words = f"Coarse preview from {COARSE_TIMES} impact times"
+        self.coarse = button(words, coarse, "coarse", visible=False)
         self.bar = pn.indicators.Progress(
             value=0, max=100, width=220, height=12, sizing_mode="fixed", margin=(14, 10), visible=False
         )
@@ -150,18 +205,18 @@ class Progress:
         self.problem = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.view = pn.Column(
             self.problem,
-            ui.controls(self.start, self.cancel, self.see, self.bar, self.numbers),
+            ui.controls(self.start, self.cancel, self.coarse, self.see, self.bar, self.numbers),
             self.text,
             sizing_mode=ui.WIDE,
             margin=0,
         )
 
-    def show(self, status: JobStatus, visitor: str) -> None:
-        """Show how far a job is."""
+    def show(self, status: JobStatus, visitor: str, which: str = "") -> None:
+        """Show how far a job is; `which` arm it is of, where there are two."""
         self.bar.visible = status.active
         self.bar.value = int(100 * status.fraction)
         self.numbers.write(words_numbers(status))
-        self.text.text = words_state(status) if status.state != "failed" else ""
+        self.text.text = which + words_state(status) if status.state != "failed" else ""
         ended = status.state in ("cancelled", "failed")
         self.start.disabled = not ended
         self.start.label = "Resume" if ended and (status.done or status.times_done) else "Simulate"
