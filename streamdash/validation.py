@@ -63,5 +63,6 @@ def _sentence(error: ValidationError) -> str:
     field = field or "configuration"
     message = first["msg"].removeprefix("Value error, ")
     value = repr(first.get("input"))
-    shown = f" (got {value if len(value) <= 60 else value[:57] + '...'})" if first["loc"] else ""
+    told = first["loc"] and not isinstance(first.get("input"), tuple)  # models one by one: nobody typed that
+    shown = f" (got {value if len(value) <= 60 else value[:57] + '...'})" if told else ""
     return f"{field}: {message[0].lower() + message[1:]}{shown}."

@@ -486,6 +486,9 @@ def _labelled(sentence: str) -> str:
     for knob in KNOBS:
         if sentence.startswith((f"{knob.path}:", f"{knob.path}.")):
             return f"{knob.label}: {sentence.partition(': ')[2]}"
+    many = sentence.partition("components: ")[2]
+    if many:
+        return f"{BY_NAME[MORE].label}: {many}"
     words = sentence.partition("configuration: ")[2]  # what several fields have to do with one another
     return f"{STREAM}: {words}" if words else sentence
 
