@@ -11,7 +11,8 @@ from bokeh.io.doc import set_curdoc
 
 from app.pages.registry import PAGES
 from app.pages.simulate.forecast import duration, words_state
-from app.pages.simulate.knobs import BY_NAME, KNOBS, PRESETS, check, config_of, text_of, texts_of
+from app.pages.simulate.knobs import BY_NAME, KNOBS, check, config_of, text_of, texts_of
+from app.pages.simulate.presets import PRESETS
 from app.services.cache_watch import CacheWatch
 from app.services.services import Services
 from app.serving import News
@@ -109,7 +110,7 @@ def test_impacts_time_and_the_first_streams_are_shown_before_the_start(own, open
     impacts = expected_impacts(own.geometry(CONFIG.stream), CONFIG.perturbers)
     words = f"{impacts:.4g} impacts are expected per stream. 60 streams take about"
     assert page.progress.text.text.startswith(words)
-    assert page.panel.highlighted.shape == (5, CONFIG.n_theta)
+    assert page.panels[0].highlighted.shape == (5, CONFIG.n_theta)
     assert "of the first 5 streams" in page.card._sentence.text
     assert not page.progress.start.disabled and not page.progress.cancel.visible
 

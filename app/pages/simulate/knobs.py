@@ -10,12 +10,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_origin
 
+from app.pages.simulate.own import (
+    HM_LABEL,
+    PROGENITOR_LABEL,
+    Q_LABEL,
+    base_of,
+    listed_text,
+    mass_of_kev,
+    number_text,
+    of_named,
+    on_named,
+    progenitor_of,
+)
 from streamdash.config import Config, ConfigError, EnsembleConfig, Perturbers, Population, mass_label
-from streamdash.populations import PRESETS as POPULATIONS
-from streamdash.populations import component_text, half_mode_mass, parse_component
+from streamdash.populations import component_text, parse_component
 from streamdash.simulation.limits import Limits
-from streamdash.stream_model import SkyProgenitor, StreamModel
-from streamdash.streams import STREAM_NAMES, Stream, named_stream
+from streamdash.stream_model import SkyProgenitor
+from streamdash.streams import STREAM_NAMES, named_stream
 
 _DEFAULT = EnsembleConfig()
 
@@ -143,7 +154,7 @@ KNOBS = tuple(
         (
             "sim_hm",
             "perturbers.half_mode_mass",
-            "Half-mode mass",
+            HM_LABEL,
             "M☉, or m_WDM as 5 keV",
             "Warm dark matter as published: fewer by (1 + 2.7 M_hm / M)^−0.99. Empty: cold.",
             SUBHALOS,
@@ -231,7 +242,7 @@ KNOBS = tuple(
         (
             "sim_q",
             "stream.potential.q",
-            "Flattening of the halo",
+            Q_LABEL,
             "",
             "q of the logarithmic potential; 1 is a sphere. Empty: the stream's own potential.",
             STREAM,
@@ -247,7 +258,7 @@ KNOBS = tuple(
         (
             "sim_progenitor",
             "stream.progenitor",
-            "Progenitor today",
+            PROGENITOR_LABEL,
             "8 kpc, 220 km/s",
             "Six numbers R, vR, vT, z, vz, φ, or as seen: ra=, dec=, distance_kpc=, pm_ra=, pm_dec=, "
             "v_los_kms= (or ell=, b=, pm_ell=, pm_b=). Empty: the stream's own.",
@@ -308,7 +319,7 @@ def config_of(values: Mapping[str, str]) -> EnsembleConfig:
         for parent in parents:
             place = place.setdefault(parent, {})
         place[last] = _value(BY_NAME[name], text.strip())
-    data["stream"] = _on_named(named_stream(values.get(NAMED, STREAM_NAMES[0])), data.get("stream", {}))
+    data["stream"] = on_named(named_stream(values.get(NAMED, STREAM_NAMES[0])), data.get("stream", {}))
     try:
         config = EnsembleConfig.parse(data)
         if not further:
@@ -317,27 +328,6 @@ def config_of(values: Mapping[str, str]) -> EnsembleConfig:
         return config.model_copy(update={"population": population})
     except ConfigError as error:
         raise ConfigError(_labelled(str(error))) from None
-
-
-def _on_named(stream: Stream, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of the stream model: those of a named stream where nothing else is given."""
-    given = {name: value for name, value in given.items() if value is not None}
-    arm = given.get("arm", "leading")
-    base = stream.arms.get(arm, stream.arm()).model_dump(mode="json", exclude_none=True) | {"arm": arm}
-    q = given.pop("potential", {}).get("q")
-    if q is not None and "name" in base["potential"]:
-        raise ConfigError(
-            f"{BY_NAME['sim_q'].label}: {stream.title} lies in {base['potential']['name']}, which has no q; "
-            "leave this empty."
-        )
-    if q is not None:
-        base["potential"] = {"q": q}
-    if "age_gyr" in given and "sigma_v_kms" in base and "sigma_v_kms" not in given:
-        try:  # a wrong age is refused as such
-            base["sigma_v_kms"] = stream.at_age(float(given["age_gyr"])).arms[arm].sigma_v_kms
-        except (ValueError, KeyError):
-            base.pop("sigma_v_kms")
-    return base | given
 
 
 def check(knob: Knob, text: str) -> str:
@@ -370,7 +360,7 @@ def text_of(config: EnsembleConfig, knob: Knob, component: int = 0) -> str:
     parts = config.population.components
     if knob.name == MORE:
         return "; ".join(component_text(part) for i, part in enumerate(parts) if i != component)
-    if knob.name in OWN and _of_named(config.stream, knob):
+    if knob.name in OWN and of_named(config.stream, knob.path):
         return ""
     value: Any = config
     path = knob.path.split(".")
@@ -385,13 +375,9 @@ def text_of(config: EnsembleConfig, knob: Knob, component: int = 0) -> str:
         return "yes" if value else "no"
     if knob.name == "sim_mass":
         return mass_label(value)
-    if isinstance(value, SkyProgenitor):
-        return ", ".join(
-            f"{name}={_number(x)}" for name, x in value.model_dump(exclude_defaults=True).items()
-        )
-    if isinstance(value, tuple):
-        return ", ".join(_number(x) for x in value)
-    return _number(value) if isinstance(value, float) else str(value)
+    if isinstance(value, (SkyProgenitor, tuple)):
+        return listed_text(value)
+    return number_text(value) if isinstance(value, float) else str(value)
 
 
 def texts_of(config: EnsembleConfig, component: int = 0) -> dict[str, str]:
@@ -402,27 +388,6 @@ def texts_of(config: EnsembleConfig, component: int = 0) -> dict[str, str]:
 
 OWN = ("sim_age", "sim_sigma_v", "sim_q", "sim_b", "sim_progenitor")
 """Knobs whose empty text is the named stream's own value."""
-
-
-def base_of(model: StreamModel) -> Stream:
-    """The named stream that the knobs of a model start from: its own, or one in the same potential."""
-    named = [named_stream(name) for name in STREAM_NAMES]
-    alike = [s for s in named if type(s.arm().potential) is type(model.potential)]
-    return next((s for s in alike if s.arm().progenitor == model.progenitor), alike[0])
-
-
-def _of_named(model: StreamModel, knob: Knob) -> bool:
-    """Whether a model's value is that of its named stream, whose dispersion follows the age."""
-    stream = base_of(model)
-    if knob.name == "sim_sigma_v":
-        stream = stream.at_age(model.age_gyr)
-    own = stream.arms.get(model.arm, stream.arm())
-    path = knob.path.split(".")[1:]
-    ours: Any = model
-    theirs: Any = own
-    for part in path:
-        ours, theirs = getattr(ours, part, None), getattr(theirs, part, None)
-    return ours == theirs
 
 
 def told_by_knobs(config: EnsembleConfig) -> bool:
@@ -446,39 +411,17 @@ def _components(text: str) -> list[Perturbers]:
         raise ConfigError(f"{BY_NAME[MORE].label}: {error}") from None
 
 
-def _number(value: Any) -> str:
-    if not isinstance(value, (int, float)):
-        return str(value)
-    short = f"{value:g}"
-    return short if float(short) == value else repr(value)
-
-
 def _value(knob: Knob, text: str) -> Any:
     if text == "":
         # Empty means "not given" where that is allowed, and is refused by the model elsewhere.
         return None
     if knob.name == "sim_hm" and text.casefold().endswith("kev"):
-        return _of_kev(text[:-3])
-    if knob.name == "sim_progenitor" and "=" in text:
-        pairs = [part.partition("=") for part in text.split(",")]
-        return {name.strip(): value.strip() for name, _, value in pairs}
-    if knob.name in ("sim_times", "sim_progenitor"):
-        parts = [part.strip() for part in text.split(",")]
-        if knob.name == "sim_progenitor" and len(parts) != 6:
-            raise ConfigError(f"{knob.label}: must be six numbers joined by commas (got {len(parts)}).")
-        return parts
+        return mass_of_kev(text[:-3])
+    if knob.name == "sim_progenitor":
+        return progenitor_of(text)
+    if knob.name == "sim_times":
+        return [part.strip() for part in text.split(",")]
     return text
-
-
-def _of_kev(text: str) -> float:
-    """Half-mode mass of warm dark matter of a mass in keV."""
-    label = BY_NAME["sim_hm"].label
-    try:
-        return float(f"{half_mode_mass(float(text)):.4g}")
-    except ConfigError as error:
-        raise ConfigError(f"{label}: {str(error).partition(': ')[2]}") from None
-    except ValueError:
-        raise ConfigError(f"{label}: {text[:20].strip()!r} is no mass in keV.") from None
 
 
 def _labelled(sentence: str) -> str:
@@ -491,20 +434,3 @@ def _labelled(sentence: str) -> str:
         return f"{BY_NAME[MORE].label}: {many}"
     words = sentence.partition("configuration: ")[2]  # what several fields have to do with one another
     return f"{STREAM}: {words}" if words else sentence
-
-
-def _population_texts(population: Population) -> dict[str, str]:
-    config = EnsembleConfig(population=population)
-    texts = {knob.name: text_of(config, knob) for knob in KNOBS if knob.group == SUBHALOS}
-    return {name: text for name, text in texts.items() if name == "sim_mass" or text != BY_NAME[name].default}
-
-
-PRESETS: dict[str, dict[str, str]] = {
-    **{one.title: _population_texts(one.population) for one in POPULATIONS.values()},
-    "Three times as many": {"sim_mass": "1e5-1e9", "sim_rate": "3"},
-    # The same impact parameters in kpc although Plummer's scale radius is larger.
-    "Plummer spheres": {"sim_mass": "1e5-1e9", "sim_profile": "plummer", "sim_X": f"{5 * 1.05 / 1.62:.4g}"},
-    "Age 4.5 Gyr": {"sim_mass": "1e5-1e9", "sim_age": "4.5"},
-    "Trailing arm": {"sim_mass": "1e5-1e9", "sim_arm": "trailing"},
-}
-"""Values that differ from the defaults, by name; they say nothing about how many streams."""

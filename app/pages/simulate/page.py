@@ -347,6 +347,7 @@ class SimulatePage(Page):
             f"    EnsembleConfig.parse('{config.model_dump_json(exclude_defaults=True)}'),"
             for config in self.configs
         )
+        name = 'f"simulate-{config.stream.arm}.png"' if len(self.configs) > 1 else '"simulate.png"'
         return (
             "from pathlib import Path\n\n"
             "from streamdash.config import EnsembleConfig\n"
@@ -358,7 +359,7 @@ class SimulatePage(Page):
             "for config in configs:\n"
             "    simulate(config)\n"
             '    figure = profiles_figure(Cache.default(), [config], "q_rho", "theta", highlight=5)\n'
-            '    Path(f"simulate-{config.stream.arm}.png").write_bytes(export(figure, "png"))\n'
+            f"    Path({name}).write_bytes(export(figure, 'png'))\n"
         )
 
     def _ready(self) -> list[Bands]:

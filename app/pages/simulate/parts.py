@@ -18,7 +18,6 @@ from app.pages.simulate.knobs import (
     KNOBS,
     NAMED,
     OWN,
-    PRESETS,
     SAMPLE,
     STREAM,
     SUBHALOS,
@@ -26,6 +25,7 @@ from app.pages.simulate.knobs import (
     texts_of,
     told_by_knobs,
 )
+from app.pages.simulate.presets import PRESETS
 from app.session.catalog import Choice, label_of
 from app.ui.browser import LiveText
 from streamdash.config import EnsembleConfig, Perturbers, Population
