@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from app.pages.simulate.own import (
     HM_LABEL,
+    OWN,
     PROGENITOR_LABEL,
     Q_LABEL,
     base_of,
@@ -384,24 +385,6 @@ def texts_of(config: EnsembleConfig, component: int = 0) -> dict[str, str]:
     """All knobs' texts for a configuration, those of perturbers for one component of its population."""
     texts = {knob.name: text_of(config, knob, component) for knob in KNOBS}
     return {NAMED: base_of(config.stream).name, **texts}
-
-
-OWN = ("sim_age", "sim_sigma_v", "sim_q", "sim_b", "sim_progenitor")
-"""Knobs whose empty text is the named stream's own value."""
-
-
-def told_by_knobs(config: EnsembleConfig) -> bool:
-    """Whether the knobs can say all that a configuration says."""
-    try:
-        return config_of(texts_of(config)) == config
-    except ConfigError:
-        return False
-
-
-def place_of(values: Mapping[str, str], config: EnsembleConfig) -> int:
-    """Which component of a configuration the knobs of perturbers tell of."""
-    alone = config_of({**values, MORE: ""})
-    return config.population.components.index(alone.perturbers)
 
 
 def _components(text: str) -> list[Perturbers]:

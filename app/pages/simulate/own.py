@@ -12,6 +12,8 @@ from streamdash.streams import STREAM_NAMES, Stream, named_stream
 
 Q_LABEL, HM_LABEL, PROGENITOR_LABEL = "Flattening of the halo", "Half-mode mass", "Progenitor today"
 """Labels of the knobs that are refused here."""
+OWN = ("sim_age", "sim_sigma_v", "sim_q", "sim_b", "sim_progenitor")
+"""Knobs whose empty text is the named stream's own value."""
 
 
 def on_named(stream: Stream, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
@@ -22,7 +23,7 @@ from app.pages.simulate.forecast import (
     words_coarse,
     words_curves,
 )
-from app.pages.simulate.knobs import BY_NAME, NAMED, configs_of, place_of, texts_of
+from app.pages.simulate.knobs import BY_NAME, MORE, NAMED, config_of, configs_of, texts_of
 from app.pages.simulate.parts import Components, Others, Progress, knobs, presets
 from app.services.services import Unavailable
 from app.session.catalog import CLASSES_MAX
@@ -256,7 +257,7 @@ class SimulatePage(Page):
             texts = {name: getattr(self.session, name) for name in TEXTS}
             self.configs = configs_of(texts)
             self.config = self.configs[0]
-            self.components.show(self.config, place_of(texts, self.config))
+            self.components.show(self.config, _place_of(texts, self.config))
         except ConfigError as error:
             self.config, self.configs = None, ()
             self.progress.coarse.visible = False
@@ -366,3 +367,9 @@ class SimulatePage(Page):
         if not self.panels:
             raise Unavailable("There are no streams to show yet.")
         return self.panels
+
+
+def _place_of(values: Mapping[str, str], config: EnsembleConfig) -> int:
+    """Which component of a configuration the knobs of perturbers tell of."""
+    alone = config_of({**values, MORE: ""})
+    return config.population.components.index(alone.perturbers)

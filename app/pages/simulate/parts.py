@@ -17,18 +17,18 @@ from app.pages.simulate.knobs import (
     BY_NAME,
     KNOBS,
     NAMED,
-    OWN,
     SAMPLE,
     STREAM,
     SUBHALOS,
     Knob,
+    config_of,
     texts_of,
-    told_by_knobs,
 )
+from app.pages.simulate.own import OWN
 from app.pages.simulate.presets import PRESETS
 from app.session.catalog import Choice, label_of
 from app.ui.browser import LiveText
-from streamdash.config import EnsembleConfig, Perturbers, Population
+from streamdash.config import ConfigError, EnsembleConfig, Perturbers, Population
 from streamdash.naming import differences, population_text
 from streamdash.population import COMPONENTS_MAX
 from streamdash.populations import HIGH, LOW
@@ -278,3 +278,11 @@ class Others:
                 )
             )
         return ui.controls(*parts)
+
+
+def told_by_knobs(config: EnsembleConfig) -> bool:
+    """Whether the knobs can say all that a configuration says."""
+    try:
+        return config_of(texts_of(config)) == config
+    except ConfigError:
+        return False
