@@ -211,7 +211,10 @@ def test_components_that_overlap_are_allowed_and_said(tmp_path):
     [
         (["1.5,10,1,0.1,0.1,0"], "progenitor: it is not bound"),
         (["1,0.1,0.02,0.1,0,0"], "progenitor: it plunges"),
-        (["12,0.1,1,0.1,0.1,0", "--age", "0.5"], "age_gyr: in 0.5 Gyr the progenitor does not even oscillate once"),
+        (
+            ["12,0.1,1,0.1,0.1,0", "--age", "0.5"],
+            "age_gyr: in 0.5 Gyr the progenitor does not even oscillate once",
+        ),
     ],
 )
 @pytest.mark.parametrize("how", ["--dry-run", "--preview"])
