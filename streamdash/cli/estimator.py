@@ -23,6 +23,8 @@ estimator_app = typer.Typer(help="Train estimators of what hit a stream, and see
 
 HELD_OUT = 1000
 HELD_OUT_SEED = 2026
+TOLD_AGES, TOLD_ERRORS = (3.0, 5.0, 9.0), (0.25, 2.0)
+"""Ages (Gyr), and errors relative to the design's, that ``--told`` leaves open."""
 
 
 @estimator_app.command("train")
@@ -35,14 +37,23 @@ def train_command(
     streams: Annotated[int, typer.Option("--streams", min=500, help="Streams to learn from.")] = 40_000,
     members: Annotated[int, typer.Option("--members", min=1, max=20, help="Networks of a parameter.")] = 6,
     held_out: Annotated[int, typer.Option("--held-out", min=50, help="Fresh streams to test on.")] = HELD_OUT,
+    told: Annotated[
+        bool,
+        typer.Option("--told", help="Leave age and errors open, so that either can be fixed when asked."),
+    ] = False,
     cache: CacheOption = None,
 ) -> None:
-    """Train the estimator of a named stream at its default design, and test it on fresh streams."""
+    """Train the estimator of a named stream at its default design, and test it on fresh streams.
+
+    Those are written as well, to the folder held-out beside it.
+    """
     from dataclasses import replace
 
     from streamdash.inference.diagnostics import as_record, scores
     from streamdash.inference.estimator import Estimator, Training
+    from streamdash.inference.files import HELD_OUT as FOLDER
     from streamdash.inference.files import save
+    from streamdash.inference.held_out import HeldOut
     from streamdash.inference.prior_ensemble import PriorEnsemble, default_design
 
     if not output.absolute().parent.is_dir():
@@ -50,14 +61,22 @@ def train_command(
     place = make_cache(cache)
     with wrong_input(), progress_bar() as titled:
         asked = read_prior(prior)
+        if told:
+            asked = asked.model_copy(update={"ages_gyr": TOLD_AGES, "noise_factor": TOLD_ERRORS})
         model = named_stream(stream or STREAM_NAMES[0]).arm()
         ensemble = PriorEnsemble.load(
             asked, model, streams, place, progress=titled("Simulating streams of the prior"), nice=10
         )
         design = default_design(ensemble.members[0].geometry)
-        estimator = Estimator.fit(ensemble, design, Training(members=members), titled("Training"))
-        truth, q = estimator.simulate(held_out, HELD_OUT_SEED, place)
-        record = as_record(scores(estimator.posterior(q), estimator.grid, truth))
+        training = Training(members=members, told=("noise", "age") if told else ())
+        estimator = replace(Estimator.fit(ensemble, design, training, titled("Training")), stream=model)
+        fresh = HeldOut.fresh(estimator, held_out, HELD_OUT_SEED, place)
+        record = as_record(
+            scores(estimator.posterior(fresh.observed(estimator)), estimator.grid, fresh.truth)
+        )
+    folder = output.absolute().parent / FOLDER
+    folder.mkdir(exist_ok=True)
+    fresh.save(folder / output.name)
     save(replace(estimator, card={**estimator.card, "held_out": record}), output)
     for name, numbers in record.items():
         messages.print(f"{name}: " + ", ".join(f"{key} {value:g}" for key, value in numbers.items()))

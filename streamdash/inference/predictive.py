@@ -41,14 +41,9 @@ def predictive_bands(
     return weighted_bands(divided(clean, design.fit), stream_weights(posterior, ensemble.parameters()))
 
 
-def weighted_bands(profiles: np.ndarray, weight: np.ndarray, order: np.ndarray | None = None) -> np.ndarray:
-    """Quantiles `BAND` of weighted profiles (n, n_bin) in every bin, (len(BAND), n_bin).
-
-    Parameters
-    ----------
-    order : ``np.argsort(profiles, axis=0)``, where it is known already.
-    """
-    order = np.argsort(profiles, axis=0) if order is None else order
+def weighted_bands(profiles: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Quantiles `BAND` of weighted profiles (n, n_bin) in every bin, (len(BAND), n_bin)."""
+    order = np.argsort(profiles, axis=0)
     cumulative = np.cumsum(weight[order], axis=0)
     values = np.take_along_axis(profiles, order, axis=0)
     found = [[int(np.searchsorted(column, q)) for column in cumulative.T] for q in BAND]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import time
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,7 @@ from streamdash.inference.files import load_estimator
 from streamdash.inference.held_out import load_streams
 from streamdash.inference.words import sentences
 from streamdash.plots import corner, infer
+from streamdash.store.cache import Cache
 from streamdash.survey.mock import EXAMPLE
 
 LINK = "?page=infer"
@@ -188,3 +190,40 @@ def test_held_out_streams_are_none_that_it_has_learnt_from():
     low, high = estimator.prior.log10_rate
     assert ((streams.truth.log10_rate > low) & (streams.truth.log10_rate < high)).all()
     assert streams.truth.log10_rate.nunique() == streams.n_streams
+
+
+def test_an_estimator_is_trained_in_the_background_and_then_answers(
+    open_shell, services, tmp_path, monkeypatch
+):
+    """With few streams: what is tested is the way from a file to its answer."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "kept"))
+    monkeypatch.setattr(
+        services, "cache", Cache((services.cache.roots[0], tmp_path / "own"), tmp_path / "own")
+    )
+    monkeypatch.setattr(answers, "N_STREAMS", 500)
+    page = open_shell(f"{LINK}&infer_data=upload&example=yes").page
+    assert page.found is None and page.controls.training.view.visible
+    page.train()
+    task = page.watch.following
+    assert task.active and page.found is None
+    settle(page)
+    assert task.state == "done" and task.fraction == 1
+    found = page.found
+    assert not found.oracle.shipped and found.oracle.estimator.design.n_bin == 35
+    np.testing.assert_allclose(found.data.q, page.reading.observation.q, rtol=1e-6)
+    assert "withheld" in page.answer.object or "10⁶–10⁹ M☉" in page.answer.object
+    assert not page.controls.training.view.visible
+    assert found.oracle.streams.n_streams == 50, "a tenth was held out"
+    page.session.infer_data = "mock"
+    assert page.found.oracle.shipped
+    page.session.infer_data = "upload"
+    assert page.found.oracle is found.oracle, "the same bins are not learnt again"
+
+
+def settle(page, seconds: float = 600) -> None:
+    """Wait as the page's timer does until nothing is being computed."""
+    deadline = time.monotonic() + seconds
+    while page.watch.following:
+        assert time.monotonic() < deadline, "still computing"
+        page.watch.look()
+        time.sleep(0.02)

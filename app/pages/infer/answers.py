@@ -228,35 +228,16 @@ def uploaded(observation: Observation, example: bool) -> Data:
     return Data(observation.q.astype(np.float32), name, None, ())
 
 
-def answer(services: Services, oracle: Oracle, data: Data, factor: float, age: float | None) -> Answer:
+def answer(oracle: Oracle, data: Data, factor: float, age: float | None) -> Answer:
     """Posterior, strangeness and predictive bands of a profile."""
     estimator = oracle.estimator
     joint = estimator.posteriors(data.q[None], factor)[0]
-    posterior = at_age(joint, age)
-    profiles, order = sorted_profiles(services, oracle, factor)
     kept = joint if age is None else joint.given(AGE, *cell_ends(joint, age))
     weight = stream_weights(kept, oracle.streams.truth)
-    return Answer(
-        oracle,
-        data,
-        posterior,
-        weighted_bands(profiles, weight, order),
-        float(estimator.strangeness(data.q[None], factor)[0]),
-        factor,
-        age,
-        joint,
-    )
-
-
-def sorted_profiles(services: Services, oracle: Oracle, factor: float) -> tuple[np.ndarray, np.ndarray]:
-    """The held-out streams as measured, and their order in every bin: the same for every posterior."""
-    estimator = oracle.estimator
-
-    def compute() -> tuple[np.ndarray, np.ndarray]:
-        q = oracle.streams.observed(estimator, factor)
-        return q, np.argsort(q, axis=0)
-
-    return services.shared(("infer-held-out", *oracle.key, factor), compute)
+    some = weight > 0  # those of other ages have none
+    bands = weighted_bands(oracle.streams.observed(estimator, factor)[some], weight[some])
+    strangeness = float(estimator.strangeness(data.q[None], factor)[0])
+    return Answer(oracle, data, at_age(joint, age), bands, strangeness, factor, age, joint)
 
 
 def cell_ends(joint: Posterior, age: float) -> tuple[float, float]:
@@ -314,8 +295,7 @@ def calibration(services: Services, oracle: Oracle, factor: float) -> Calibratio
     estimator = oracle.estimator
 
     def compute() -> Calibration:
-        q, _ = sorted_profiles(services, oracle, factor)
-        p = estimator.posterior(q, factor)
+        p = estimator.posterior(oracle.streams.observed(estimator, factor), factor)
         name = next(name for name in estimator.names if name != AGE)
         truth = oracle.streams.truth
         marginal = marginals(p, estimator.grid, name)

@@ -164,8 +164,10 @@ class InferPage(Page):
         chosen = self.session.infer_age
         if chosen == "open":
             return None
-        age = oracle.estimator.stream.age_gyr if chosen == "usual" else float(chosen)
-        return age if age in oracle.ages else None
+        usual = oracle.estimator.stream.age_gyr
+        age = usual if chosen == "usual" else float(chosen)
+        known = [known for known in (age, usual) if known in oracle.ages]
+        return known[0] if known else None
 
     # ------------------------------------------------------------ answering
 
@@ -181,7 +183,7 @@ class InferPage(Page):
             self.controls.keep.disabled = True
             self.answer.write("")
         else:
-            found = answers.answer(self.services, oracle, data, self._factor(oracle), self._age(oracle))
+            found = answers.answer(oracle, data, self._factor(oracle), self._age(oracle))
             self.answer.write(answer_html(found))
             self.controls.keep.disabled = found.strange
             self.cards.show(found, self._dark)

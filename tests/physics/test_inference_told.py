@@ -1,0 +1,98 @@
+"""Estimators that are told the errors and infer the age: the shipped one, its held-out streams, its cells."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from streamdash.config import ConfigError
+from streamdash.inference.cells import AGE, age_edges, cell_of, grid_of
+from streamdash.inference.diagnostics import score, scores
+from streamdash.inference.files import EstimatorFileError, load_estimator
+from streamdash.inference.held_out import HeldOut, load_streams
+from streamdash.inference.posterior import Posterior, make_grid
+from streamdash.prior import Prior
+from streamdash.survey.lsst import noise_factor
+
+
+@pytest.fixture(scope="module")
+def told():
+    return load_estimator("gd1-like", told=True), load_streams("gd1-like", told=True)
+
+
+@pytest.mark.parametrize("ages", [(3.0, 5.0, 9.0), (3.0, 5.0, 7.0, 9.0), (5.0, 10.0), (9.0, 3.0, 5.0)])
+def test_every_age_has_an_even_cell_of_its_own(ages):
+    edges = age_edges(ages)
+    np.testing.assert_allclose(np.diff(edges), np.diff(edges)[0])
+    assert list(cell_of(np.sort(ages), edges)) == list(range(len(ages)))
+
+
+@pytest.mark.parametrize("ages", [(), (9.0,), (3.0, 9.0, 9.1, 9.2)])
+def test_ages_that_have_no_even_cells_are_refused(ages):
+    with pytest.raises(ConfigError, match="ages_gyr"):
+        grid_of(Prior(ages_gyr=ages), with_age=True)
+
+
+@pytest.mark.parametrize("factor", [0.3, 1.0, 2.0])
+def test_told_estimators_are_calibrated_at_any_error(told, factor):
+    estimator, streams = told
+    p = estimator.posterior(streams.observed(estimator, factor), factor)
+    n = streams.n_streams
+    found = scores(p, estimator.grid, streams.truth)["log10_rate"]
+    # The bounds, and three standard errors of so many streams.
+    assert abs(found.coverage[0] - 0.68) < 0.03 + 3 * np.sqrt(0.68 * 0.32 / n)
+    assert abs(found.coverage[1] - 0.95) < 0.015 + 3 * np.sqrt(0.95 * 0.05 / n)
+    nine = (streams.truth[AGE] == 9).to_numpy()
+    rate = np.asarray(estimator.grid["log10_rate"])
+    known = [Posterior(estimator.grid, one).at(AGE, 9.0).p for one in p[nine]]
+    fixed = score(np.array(known), rate, streams.truth[nine].log10_rate.to_numpy())
+    assert abs(fixed.coverage[0] - 0.68) < 0.03 + 3 * np.sqrt(0.68 * 0.32 / fixed.n)
+    assert fixed.information > found.information, "to know the age is worth something"
+
+
+def test_larger_errors_say_less(told):
+    estimator, streams = told
+    nine = (streams.truth[AGE] == 9).to_numpy()
+    told_bits = []
+    for factor in (0.5, 2.0):
+        p = estimator.posterior(streams.observed(estimator, factor)[nine], factor)
+        told_bits.append(scores(p, estimator.grid, streams.truth[nine])["log10_rate"].information)
+    assert told_bits[0] > told_bits[1]
+
+
+def test_what_it_was_not_told_is_refused(told):
+    estimator, streams = told
+    q = streams.observed(estimator)[:1]
+    with pytest.raises(ValueError, match=r"noise_factor must lie between 0\.25 and 2"):
+        estimator.posterior(q, 3.0)
+    with pytest.raises(ValueError, match="between 1 and 1"):
+        load_estimator("gd1-like").posterior(q, 0.5)
+    with pytest.raises(EstimatorFileError):
+        load_streams("gd1-like", "population")
+
+
+def test_held_out_streams_come_back_from_disk(told, tmp_path):
+    _, streams = told
+    streams.save(tmp_path / "streams.npz")
+    again = HeldOut.load(tmp_path / "streams.npz")
+    np.testing.assert_array_equal(again.clean, streams.clean)
+    assert again.truth.equals(streams.truth)
+    (tmp_path / "streams.npz").write_bytes((tmp_path / "streams.npz").read_bytes()[:500])
+    with pytest.raises(EstimatorFileError, match="not a whole file"):
+        HeldOut.load(tmp_path / "streams.npz")
+
+
+def test_a_parameter_that_is_known_or_not_asked_for():
+    grid = make_grid({"a": (0, 1), "b": (0, 2)}, {"a": 2, "b": 4})
+    p = np.arange(8.0).reshape(2, 4) / 28
+    posterior = Posterior(grid, p)
+    np.testing.assert_allclose(posterior.without("a").p, p.sum(axis=0))
+    np.testing.assert_allclose(posterior.at("a", 0.7).p, p[1] / p[1].sum())
+    assert posterior.without("c") is posterior
+    with pytest.raises(ValueError, match="not between 0 and 1"):
+        posterior.at("a", 3)
+
+
+def test_ten_years_of_lsst_are_better_than_one():
+    for stream in ("gd1-like", "gd1", "pal5"):
+        assert 0.1 < noise_factor(stream, 10) < noise_factor(stream, 1) < 1
