@@ -64,6 +64,10 @@ def classify_command(
     html: Annotated[
         Path | None, typer.Option("--report", metavar="HTML", help="Also write a report.")
     ] = None,
+    hold: Annotated[
+        bool,
+        typer.Option("--robustness", help="Also try other polynomials, errors, halves and mass ranges."),
+    ] = False,
     as_json: JsonOption = False,
     cache: CacheOption = None,
 ) -> None:
@@ -93,7 +97,9 @@ def classify_command(
     }
     with wrong_input(), naming_options():
         model = named_stream(stream or STREAM_NAMES[0]).arm(arm)
-        result, page = classify(_read(file), make_cache(cache), mass.split(","), changes, model, file.name)
+        result, page = classify(
+            _read(file), make_cache(cache), mass.split(","), changes, model, file.name, hold
+        )
         if html is not None:
             _write(html, page())
     if as_json:
@@ -109,10 +115,11 @@ def classify(
     changes: dict[str, Any],
     stream: StreamModel | None = None,
     name: str = "",
+    hold: bool = False,
 ) -> tuple[dict[str, Any], Any]:
     """Report on a table of an arm of a stream, the default one if not given, and what makes its HTML.
 
-    ``name`` is what the file is called.
+    ``name`` is what the file is called; ``hold`` adds the table of robustness.
 
     Raises
     ------
@@ -122,7 +129,8 @@ def classify(
     from streamdash.observe.guess import assume
     from streamdash.observe.observation import interpret
     from streamdash.observe.provenance import Source, signed
-    from streamdash.observe.report import report
+    from streamdash.observe.report import report, tried
+    from streamdash.observe.robustness import other_sets, robustness, variants
     from streamdash.observe.table import read_table
     from streamdash.observe.verdict import judge, prepare
     from streamdash.plots.report_html import report_html
@@ -130,10 +138,16 @@ def classify(
 
     configs = [_find(cache, label.strip(), stream or StreamModel()) for label in labels]
     table = read_table(data)
-    observation = interpret(table, assume(table, changes), load_geometry(configs[0].stream, cache))
+    assumptions, geometry = assume(table, changes), load_geometry(configs[0].stream, cache)
+    observation = interpret(table, assumptions, geometry)
+    found = []
     with progress_bar() as titled:
         prepared = prepare(cache, configs, observation.design, titled("Learning from streams so observed"))
+        if hold:
+            rows = variants(table, assumptions, geometry, configs, other_sets(cache, configs))
+            found = robustness(cache, rows, titled("Trying what would change the answer"))
     result = signed(report(judge(prepared, observation), observation, prepared), Source.of(data, name))
+    result = tried(result, found)
     return result, lambda: report_html(result, observation, prepared.bands())
 
 

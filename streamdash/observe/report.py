@@ -16,6 +16,7 @@ from streamdash.observe.detection import DETECTED, smooth_p
 from streamdash.observe.observation import NAMES, Observation
 from streamdash.observe.provenance import provenance, provenance_words
 from streamdash.observe.resemblance import DOUBTFUL, UNLIKE
+from streamdash.observe.robustness import robustness_words
 from streamdash.observe.verdict import Prepared, Verdict
 from streamdash.statistics.evidence import jeffreys
 from streamdash.words import NEAR_PROGENITOR, PROGENITOR_WORDS, number_of, percent_between
@@ -39,7 +40,8 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
     Returns
     -------
     dict
-        ``verdict`` (one of `VERDICTS`), ``answer`` and ``agreement`` (text), ``detected`` and
+        ``verdict`` (one of `VERDICTS`), ``answer``, ``agreement`` and ``would_change`` (text), ``limits``
+        (sentences), ``robustness`` (rows of `streamdash.observe.robustness`, see `tried`), ``detected`` and
         ``resembles`` (bool), ``warnings`` (sentences, none where nothing is doubtful), ``smooth_p``,
         ``abundance`` (probabilities if it is free, None where they are not known), ``resemblance``,
         ``classes`` (each with ``mass_range``, ``probability``, ``low`` and ``high``), ``quality``,
@@ -48,6 +50,7 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
     scores, likeness, evidence = verdict.judged.scores, verdict.resemblance, verdict.evidence
     accuracy, accuracy_error = verdict.accuracy
     accuracy_low, accuracy_high = (float(end) for end in scores.interval("overall_accuracy"))
+    most = float(np.log(min(len(q) for q in prepared.streams.q)))  # all that the simulations can resolve
     classes = []
     for c, label in enumerate(verdict.labels):
         classes.append(
@@ -57,8 +60,9 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
                 "low": float(verdict.low[c]),
                 "high": float(verdict.high[c]),
                 "interval_models": [float(verdict.models_low[c]), float(verdict.models_high[c])],
-                "ln_bayes": float(evidence.ln_bayes[c]),
+                "ln_bayes": max(float(evidence.ln_bayes[c]), -most),
                 "ln_bayes_error": float(evidence.error[c]),
+                "ln_bayes_is_limit": bool(evidence.ln_bayes[c] < -most),
             }
         )
     design = observation.design
@@ -69,6 +73,9 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
         "detected": p < DETECTED,
         "resembles": not likeness.unlike,
         "warnings": [],
+        "limits": limits(observation),
+        "would_change": "",
+        "robustness": [],
         "smooth_p": p,
         "abundance": _abundance(verdict, prepared),
         "agreement": "",
@@ -110,7 +117,47 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
     result["verdict"] = verdict_of(result)
     result["answer"], result["agreement"] = answer(result), agreement(result)
     result["warnings"] = warnings(result)
+    result["would_change"] = would_change(result)
     return result
+
+
+def tried(result: dict[str, Any], found: list[dict[str, Any]]) -> dict[str, Any]:
+    """A report with its table of robustness, and what that says would change the answer."""
+    result = {**result, "robustness": found}
+    return {**result, "would_change": would_change(result)}
+
+
+def would_change(result: dict[str, Any]) -> str:
+    """What would change the answer: what was tried, or what was not."""
+    if result["verdict"] == UNLIKE_ANY:
+        return "What would change it: other mass ranges, rates or models of the stream, or other errors."
+    found = result["robustness"]
+    if not found:
+        return (
+            "What would change it was not tried: another polynomial, errors half or twice as large, half of "
+            "the stream, other mass ranges."
+        )
+    better = next((row for row in found if row["name"] == "errors × 0.5" and not row["problem"]), None)
+    words = [robustness_words(found)]
+    if better is not None:
+        words.append(
+            f"With errors half as large the method would be right for {percent(better['accuracy'])} of "
+            "simulated streams."
+        )
+    return " ".join(words)
+
+
+def limits(observation: Observation) -> list[str]:
+    """What part of the table the answer is not about; said beside it."""
+    total, words = observation.n_rows, []
+    if observation.n_outside:
+        words.append(
+            f"{observation.n_outside} of {total} bins lie outside the simulated stretch of the stream and "
+            "were not used: the answer is not about them."
+        )
+    if observation.n_missing:
+        words.append(f"{observation.n_missing} of {total} bins have no value and were treated as gaps.")
+    return words
 
 
 def verdict_of(result: dict[str, Any]) -> str:
@@ -243,7 +290,7 @@ def _sentence(result: dict[str, Any]) -> str:
     if best["probability"] < DECIDED:
         return (
             f"{unusual}{p} does not decide between the classes: perturbers of {name(best)} have a "
-            f"probability of {percent(best['probability'])}; {right}."
+            f"probability of {percent(best['probability'])}, if it is one of these; {right}."
         )
     free = result.get("abundance")
     if free and _free(result) < DECIDED:
@@ -257,7 +304,7 @@ def _sentence(result: dict[str, Any]) -> str:
         sure = f"{percent(_free(result))} with an abundance {free['words']}, {sure} at the simulated one"
     return (
         f"{unusual}{p} looks more like a stream perturbed by {name(best)} than by {others}: probability "
-        f"{sure}; {right}."
+        f"{sure}, if it is one of these; {right}."
     )
 
 
@@ -312,12 +359,17 @@ def resemblance_words(result: dict[str, Any]) -> str:
         "unusual": f"The profile would be an unusual member of any class (p < {DOUBTFUL:g}).",
         "alike": "The profile looks like the simulated classes.",
     }[likeness["verdict"]]
+    shares = [likeness[check] for check in ("p_distance", "p_pattern", "p_structure")]
+    least = (
+        f"The smallest of the three is no smaller than chance makes it (p = {likeness['p']:.2g})."
+        if 3 * min(shares) >= 1
+        else "The smallest of the three counts three times, as three were looked at: "
+        f"p = {likeness['p']:.2g}."
+    )
     return (
-        f"{words} Of {likeness['n_held_out']} streams the method never saw, {_share(likeness['p_distance'])} "
-        f"are as far from the classes or farther, {_share(likeness['p_pattern'])} have as strange a pattern "
-        f"along the stream, and {_share(likeness['p_structure'])} have as little structure; p = "
-        f"{likeness['p']:.2g} is three times the smallest of these shares, as three were looked at, and at "
-        "most 1."
+        f"{words} Of {likeness['n_held_out']} streams the method never saw, {_share(shares[0])} are as far "
+        f"from the classes or farther, {_share(shares[1])} have as strange a pattern along the stream, and "
+        f"{_share(shares[2])} have as little structure. {least}"
     )
 
 
@@ -330,22 +382,15 @@ def evidence_words(entry: dict[str, Any], result: dict[str, Any]) -> str:
     value = entry["ln_bayes"]
     if value == 0:
         return "preferred"
-    most = float(np.log(min(result["quality"]["n_streams"])))
     shown = f"ln B = {value:z.1f} ± {entry['ln_bayes_error']:.1f}"
-    if value < -most:
-        shown = f"ln B < −{most:.1f}, all that the simulations can resolve"
+    if entry["ln_bayes_is_limit"]:
+        shown = f"ln B < −{-value:.1f}, all that the simulations can resolve"
     return f"{jeffreys(value)} against it ({shown.replace('= -', '= −')})"
 
 
 def caveats(observation: Observation, prepared: Prepared) -> list[str]:
     """What the answer does not cover, one sentence each."""
     design = observation.design
-    outside = (
-        f" {number_of(observation.n_outside, 'row')} of the table "
-        f"{'lies outside and was' if observation.n_outside == 1 else 'lie outside and were'} not used."
-        if observation.n_outside
-        else ""
-    )
     n_streams = [len(q) for q in prepared.streams.q]
     n_near = observation.n_near
     bins = f"{n_near} of {number_of(design.n_bin, 'bin')} {'is' if n_near == 1 else 'are'}"
@@ -360,7 +405,7 @@ def caveats(observation: Observation, prepared: Prepared) -> list[str]:
     )
     return [
         f"The answer is about {NAMES[design.coordinate]} from {design.low[0]:.1f}° to "
-        f"{design.high[-1]:.1f}° only.{outside}",
+        f"{design.high[-1]:.1f}° only.",
         "The model is a GD-1-like stream, not GD-1: a smooth potential, a progenitor at one end, one age; "
         "the measured stream has a history of its own.",
         "Only dark perturbers of the compared mass ranges at the rates simulated are considered; molecular "
@@ -396,7 +441,8 @@ def text(result: dict[str, Any]) -> str:
     """The report as plain text for a terminal."""
     width = max(len(c["mass_range"]) for c in result["classes"])
     set_aside = result["resemblance"]["verdict"] == "unlike"
-    lines = [result["answer"], result["agreement"], "", resemblance_words(result), ""]
+    lines = [result["answer"], *result["limits"], result["agreement"], result["would_change"], ""]
+    lines += [resemblance_words(result), ""]
     if result["warnings"]:
         lines += ["Warnings", *(f"  - {sentence}" for sentence in result["warnings"]), ""]
     lines.append("Probability of each class" + (" (not to be used: see above)" if set_aside else ""))
@@ -418,6 +464,8 @@ def text(result: dict[str, Any]) -> str:
         f"error {quality['calibration_error']:.3f}; PDF evidence alone: "
         f"{100 * quality['pdf_accuracy']:.1f} % right"
     )
+    if result["robustness"]:
+        lines += ["", "Does it hold?", *(f"  {line}" for line in robustness_lines(result))]
     parts = (
         ("Assumed", result["assumptions"]),
         ("Mind", result["caveats"]),
@@ -426,6 +474,22 @@ def text(result: dict[str, Any]) -> str:
     for title, sentences in parts:
         lines += ["", title, *(f"  - {sentence}" for sentence in sentences)]
     return "\n".join(lines)
+
+
+def robustness_lines(result: dict[str, Any]) -> list[str]:
+    """The table of robustness, one line for each row."""
+    rows = result["robustness"]
+    width = max(len(row["name"]) for row in rows)
+    return [
+        f"{row['name']:{width}}  "
+        + (
+            f"not possible: {row['problem']}"
+            if row["problem"]
+            else f"{row['best']:>9} {percent(row['probability']):>14}; {row['n_bins']} bins, right for "
+            f"{percent(row['accuracy'])} of streams{'' if row['agrees'] else '  ← changes the answer'}"
+        )
+        for row in rows
+    ]
 
 
 def truth_words(known: dict[str, Any]) -> str:

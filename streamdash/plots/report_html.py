@@ -13,7 +13,7 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from streamdash.naming import class_colour
+from streamdash.naming import class_colour, label_text
 from streamdash.observe.observation import Observation
 from streamdash.observe.provenance import provenance_words
 from streamdash.observe.report import (
@@ -43,6 +43,7 @@ TEMPLATES.globals |= {
         class_colour,
         evidence_words,
         interval,
+        label_text,
         name,
         percent,
         provenance_words,
@@ -72,3 +73,8 @@ def report_html(result: dict[str, Any], observation: Observation, bands: np.ndar
 def result_tables(result: dict[str, Any]) -> Markup:
     """Resemblance, probabilities, evidence and the held-out matrix as HTML."""
     return Markup(TEMPLATES.get_template("report_tables.html").render(result=result))  # noqa: S704 - escaped
+
+
+def robustness_table(result: dict[str, Any]) -> Markup:
+    """The table of robustness as HTML; nothing where it was not made."""
+    return Markup(TEMPLATES.get_template("report_robustness.html").render(result=result))  # noqa: S704 - escaped

@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from app.ui.templates import render
 from streamdash.observe.table import Table, shown
-from streamdash.plots.report_html import result_tables
+from streamdash.plots.report_html import result_tables, robustness_table
 from streamdash.words import number_of
 
 ROWS_SHOWN = 4
@@ -42,6 +42,11 @@ def answer_html(result: dict[str, Any]) -> Markup:
 def numbers_html(result: dict[str, Any]) -> Markup:
     """Resemblance, probabilities with evidence, and the held-out matrix."""
     return render("pages/observe/numbers.html", tables=result_tables(result))
+
+
+def robustness_html(result: dict[str, Any]) -> Markup:
+    """The table of robustness."""
+    return render("pages/observe/numbers.html", tables=robustness_table(result))
 
 
 def preview_html(table: Table) -> Markup:

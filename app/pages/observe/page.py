@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -11,9 +12,16 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
-from app.pages.observe.answer import STYLE, answer_html, list_html, numbers_html, preview_html
+from app.pages.observe.answer import (
+    STYLE,
+    answer_html,
+    list_html,
+    numbers_html,
+    preview_html,
+    robustness_html,
+)
 from app.pages.observe.parts import AssumptionControls
-from app.pages.observe.reading import Outcome, Reading, changes_of, file_of, question, read
+from app.pages.observe.reading import Outcome, Reading, changes_of, file_of, question, read, trials
 from app.pages.observe.state import AUTO, LINKED, Upload
 from app.services.services import Unavailable
 from app.ui.browser import LiveText
@@ -22,7 +30,7 @@ from app.ui.upload import FileDrop
 from app.work.later import Later
 from app.work.tasks import Task, Watch
 from streamdash.observe.provenance import provenance_words, signed
-from streamdash.observe.report import name, truth_words
+from streamdash.observe.report import name, tried, truth_words
 from streamdash.plots import observe
 from streamdash.plots.live import LiveFigure, export
 from streamdash.plots.report_html import report_html
@@ -55,6 +63,7 @@ class ObservePage(Page):
         self.expected: Any = None
         self.later = Later(self.services, self._show_reading, self._refuse)
         self.watch = Watch(self._show_task)
+        self.trying = Watch(self._show_trials)
         self.status = LiveText(margin=(4, 10), css_classes=["sd-observe-status"])
         self.problem = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.assumptions = AssumptionControls(self.session)
@@ -74,6 +83,8 @@ class ObservePage(Page):
         self.answer, self.numbers, self.caveats = _html("sd-answer"), _html("sd-numbers"), _html("sd-caveats")
         self.truth = ui.plain_text("", css_classes=["sd-truth"], styles={"font-size": "17px"})
         self.reveal = ui.button("Reveal the truth", self._reveal, css_classes=["sd-reveal"])
+        self.holds = _html("sd-robustness")
+        self.holds_status = LiveText(margin=(4, 10), css_classes=["sd-robustness-status"])
         self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.card = self._card()
         self.result_part = _column(
@@ -85,6 +96,8 @@ class ObservePage(Page):
                 self.truth,
             ),
             self.numbers,
+            self.holds_status,
+            self.holds,
             self.card.view,
             self.caveats,
         )
@@ -118,6 +131,7 @@ class ObservePage(Page):
     def close(self) -> None:
         self.later.cancel()
         self.watch.leave()
+        self.trying.leave()
         self._forget()
         super().close()
 
@@ -157,6 +171,7 @@ class ObservePage(Page):
         """Forget what was read and said; nothing can be classified until something is read."""
         self.later.cancel()
         self.watch.leave()
+        self.trying.leave()
         self.result_part.visible = False
         self.outcome = self.expected = None
         self.reading = Reading()
@@ -216,6 +231,27 @@ class ObservePage(Page):
         self.card.say(observe.sentence(outcome.observation, outcome.bands, self._names()))
         self.result_part.visible = True
         self._draw()
+        self._try_others()
+
+    def _try_others(self) -> None:
+        """Ask what would change the answer, in the background: the answer does not wait for it."""
+        self.holds.object = ""
+        geometry = self.services.geometry(self.session.ensembles[0].config.stream)
+        asked = trials(self.services, self.session.ensembles, self.reading, geometry, self.expected)
+        self.trying.follow(self.services.work.ask(*asked))
+
+    def _show_trials(self, task: Task) -> None:
+        if self.outcome is None or task.key != ("robustness", self.expected):
+            return
+        if task.state != "done":
+            percent = 5 * math.floor(20 * task.fraction)
+            words = f"Trying what would change the answer: {percent} % done"
+            self.holds_status.text = words if task.active else task.error or "Nothing else was tried."
+            return
+        self.holds_status.text = ""
+        self.outcome = replace(self.outcome, result=tried(self.outcome.result, task.result))
+        self.answer.object = answer_html(self.outcome.result)
+        self.holds.object = robustness_html(self.outcome.result)
 
     def _reveal(self) -> None:
         known = json.loads(EXAMPLE_TRUTH.read_text(encoding="utf-8"))
@@ -249,6 +285,7 @@ class ObservePage(Page):
         """Nothing of a file outlives the session; what is said of the example may."""
         if self.asked is not None:
             self.services.work.forget(self.asked)
+            self.services.work.forget(("robustness", self.asked))
         self.asked = None
 
     def _ready(self) -> Outcome:

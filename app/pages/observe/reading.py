@@ -19,6 +19,7 @@ from streamdash.observe.guess import Assumptions, assume, guess
 from streamdash.observe.observation import Observation, interpret
 from streamdash.observe.provenance import Source
 from streamdash.observe.report import report
+from streamdash.observe.robustness import other_sets, robustness, variants
 from streamdash.observe.table import ObservationError, Table, read_table
 from streamdash.observe.verdict import judge, prepare
 from streamdash.survey.mock import EXAMPLE
@@ -95,3 +96,20 @@ def question(
         return Outcome(observation, result, prepared.bands())
 
     return ("observe", sha.hexdigest(), *keys), compute
+
+
+def trials(
+    services: Services, choices: Sequence[Choice], reading: Reading, geometry: Geometry, key: Hashable
+) -> tuple[Hashable, Compute]:
+    """Key and computation of the table of robustness of a question, for `app.work.tasks.Work.ask`."""
+    configs = [choice.config for choice in choices]
+    table, assumptions = reading.table, reading.assumptions
+    assert table is not None and assumptions is not None
+
+    def compute(
+        progress: Callable[[int, int], None], should_stop: Callable[[], bool]
+    ) -> list[dict[str, Any]]:
+        rows = variants(table, assumptions, geometry, configs, other_sets(services.cache, configs))
+        return robustness(services.cache, rows, progress, should_stop)
+
+    return ("robustness", key), compute
