@@ -85,12 +85,20 @@ def variants(
 
     def tried(group: str, name: str, part: Table, a: Assumptions) -> None:
         try:
-            rows.append(Variant(group, name, interpret(part, a, geometry), classes))
+            found = interpret(part, a, geometry)
         except ObservationError as error:
             rows.append(Variant(group, name, None, classes, str(error)))
+            return
+        used = found.design.order
+        if group == "order" and used != a.order:
+            problem = f"this polynomial comes close to zero or follows so few bins too closely (order {used})"
+            rows.append(Variant(group, name, None, classes, problem))
+        else:
+            more = "" if used == asked.design.order or group == "order" else f", order {used}"
+            rows.append(Variant(group, name + more, found, classes))
 
     for order in ORDERS if assumptions.kind != "detrended" else ():
-        if order != assumptions.order:
+        if order != asked.design.order:
             a = assumptions.model_copy(update={"order": order})
             tried("order", f"polynomial of order {order}", table, a)
     for factor in ERRORS:
