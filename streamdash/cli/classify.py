@@ -129,10 +129,11 @@ def classify(
     from streamdash.observe.guess import assume
     from streamdash.observe.observation import interpret
     from streamdash.observe.provenance import Source, signed
-    from streamdash.observe.report import report, tried
+    from streamdash.observe.report import report
     from streamdash.observe.robustness import other_sets, robustness, variants
     from streamdash.observe.table import read_table
     from streamdash.observe.verdict import judge, prepare
+    from streamdash.observe.wording import tried
     from streamdash.plots.report_html import report_html
     from streamdash.simulation.geometry import load_geometry
 

@@ -16,8 +16,8 @@ from markupsafe import Markup
 from streamdash.naming import class_colour, label_text
 from streamdash.observe.observation import Observation
 from streamdash.observe.provenance import provenance_words
-from streamdash.observe.report import (
-    abundance_words,
+from streamdash.observe.report import abundance_words
+from streamdash.observe.wording import (
     evidence_words,
     interval,
     name,

@@ -9,9 +9,9 @@ import pytest
 
 from streamdash.classifier.data import Cancelled
 from streamdash.observe.guess import assume
-from streamdash.observe.report import would_change
 from streamdash.observe.robustness import Variant, other_sets, robustness, robustness_words, variants
 from streamdash.observe.table import read_table
+from streamdash.observe.wording import would_change
 from streamdash.store.cache import Cache
 from streamdash.survey.mock import EXAMPLE
 from tests.shipped import of_default_stream
@@ -84,8 +84,8 @@ def test_each_row_answers_and_those_that_differ_are_named(cache, rows):
     other = {**found[1], "best": "1e3-1e5", "masses": [1e3, 1e5], "agrees": False, "name": "turned"}
     sentence = robustness_words([*found, other])
     assert "would change the answer" in sentence and "turned (10³–10⁵ M☉" in sentence
-    assert "With errors half as large" in would_change({"verdict": "decided", "robustness": found})
-    assert "was not tried" in would_change({"verdict": "decided", "robustness": []})
+    assert "With errors half as large" in would_change({"resembles": True, "robustness": found})
+    assert "was not tried" in would_change({"resembles": True, "robustness": []})
 
 
 def test_it_ends_when_it_is_told_to(cache, rows):

@@ -30,7 +30,7 @@ from app.ui.upload import FileDrop
 from app.work.later import Later
 from app.work.tasks import Task, Watch
 from streamdash.observe.provenance import provenance_words, signed
-from streamdash.observe.report import name, tried, truth_words
+from streamdash.observe.wording import name, tried, truth_words
 from streamdash.plots import observe
 from streamdash.plots.live import LiveFigure, export
 from streamdash.plots.report_html import report_html
