@@ -77,7 +77,7 @@ def evidence_words(entry: dict[str, Any], result: dict[str, Any]) -> str:
     if value == 0:
         return "preferred"
     shown = f"ln B = {value:z.1f} ± {entry['ln_bayes_error']:.1f}"
-    if entry["ln_bayes_is_limit"]:
+    if entry.get("ln_bayes_is_limit", False):
         shown = f"ln B < −{-value:.1f}, all that the simulations can resolve"
     return f"{jeffreys(value)} against it ({shown.replace('= -', '= −')})"
 
