@@ -86,6 +86,8 @@ def result_of(fixed: float, free: float | None) -> dict:
     quality = {
         "accuracy": 0.98,
         "accuracy_error": 0.01,
+        "accuracy_low": 0.97,
+        "accuracy_high": 0.99,
         "confusion": [[90, 10], [5, 95]],
         "calibration_error": 0.01,
         "pdf_accuracy": 0.8,
