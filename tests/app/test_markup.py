@@ -18,7 +18,7 @@ from streamdash.plots import report_html
 
 HOSTILE = """<img src=x onerror=boom()>"'&amp;{{ 1111 * 7 }}![x](http://e/x.png)[y](http://e/)"""
 OURS = {"a", "br", "caption", "code", "div", "h2", "p", "pre", "small", "span"} | {
-    *("li", "ul", "table", "tbody", "td", "th", "thead", "tr"),
+    *("details", "summary", "li", "ul", "table", "tbody", "td", "th", "thead", "tr"),
 }
 LINKS = [
     *(f"?page={page.key}" for page in PAGES),
