@@ -12,6 +12,7 @@ import numpy as np
 from streamdash.classifier.abundance import WORDS
 from streamdash.config import parse_mass_range
 from streamdash.naming import label_text
+from streamdash.observe import misfit
 from streamdash.observe.detection import DETECTED, smooth_p
 from streamdash.observe.observation import NAMES, Observation
 from streamdash.observe.provenance import provenance, provenance_words
@@ -53,6 +54,7 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
         (sentences), ``robustness`` (rows of `streamdash.observe.robustness`, see
         `streamdash.observe.wording.tried`), ``detected`` and
         ``resembles`` (bool), ``warnings`` (sentences, none where nothing is doubtful), ``smooth_p``,
+        ``hangs_on`` (what assumption about the data a sure answer hangs on, empty where none is suspected),
         ``abundance`` (probabilities if it is free, None where they are not known), ``resemblance``,
         ``classes`` (each with ``mass_range``, ``probability``, ``low`` and ``high``), ``quality``,
         ``assumptions``, ``caveats``, ``provenance`` and ``profile``.
@@ -88,6 +90,7 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
         "robustness": [],
         "smooth_p": p,
         "abundance": _abundance(verdict, prepared),
+        "hangs_on": {"kind": verdict.misled.kind, "p": verdict.misled.p},
         "agreement": "",
         "resemblance": {
             "verdict": "unlike" if likeness.unlike else "unusual" if likeness.doubtful else "alike",
@@ -135,12 +138,15 @@ def verdict_of(result: dict[str, Any]) -> str:
     """Which of `VERDICTS` it is.
 
     Undecided is a probability of the best class below `DECIDED`, at the simulated abundance or with it free,
-    an interval that crosses one half, or strong PDF evidence for another class.
+    an interval that crosses one half, strong PDF evidence for another class, or an answer that hangs on an
+    assumption about the data (`streamdash.observe.misfit`).
     """
     if not result["resembles"]:
         return UNLIKE_ANY
     if not result["detected"]:
         return NOTHING
+    if result["hangs_on"]["kind"]:
+        return UNDECIDED
     best = _best(result)
     clash = max(c["ln_bayes"] for c in result["classes"]) - best["ln_bayes"] > STRONG
     crosses = best["low"] < 0.5 < best["high"]
@@ -154,8 +160,8 @@ def warnings(result: dict[str, Any]) -> list[str]:
     found = []
     if not result["resembles"]:
         found.append("The profile resembles none of the compared classes; do not use the probabilities.")
-    elif result["resemblance"]["verdict"] == "unusual":
-        found.append("The profile would be an unusual member of any of the compared classes.")
+    elif result["hangs_on"]["kind"]:
+        found.append(misfit.WORDS[result["hangs_on"]["kind"]])
     if not result["detected"]:
         found.append("No perturbation is seen at this noise: a smooth stream would look alike.")
     if result["resembles"] and best["low"] < 0.5 < best["high"]:
@@ -239,7 +245,10 @@ def answer(result: dict[str, Any]) -> str:
             f"be (p = {result['smooth_p']:.2g}). If one of these classes hit the stream all the same: "
             f"{_sentence(result)}"
         )
-    return f"{result['verdict'].capitalize()}. {_sentence(result)}"
+    hangs_on = misfit.WORDS.get(result["hangs_on"]["kind"], "") if result["resembles"] else ""
+    return " ".join(
+        part for part in (f"{result['verdict'].capitalize()}.", hangs_on, _sentence(result)) if part
+    )
 
 
 def _sentence(result: dict[str, Any]) -> str:

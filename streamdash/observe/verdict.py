@@ -26,6 +26,7 @@ from streamdash.classifier.model import BEST, Classifier, ClassifierConfig
 from streamdash.classifier.train import Judged, Progress, ShouldStop, boost, train
 from streamdash.config import EnsembleConfig
 from streamdash.observe.evidence import PdfEvidence, PdfJudge, learn_pdfs
+from streamdash.observe.misfit import Misfit, Misled, learn_misfit
 from streamdash.observe.observation import Observation
 from streamdash.observe.replicas import Replicas, learn_replicas
 from streamdash.observe.resemblance import Likeness, Resemblance, learn_likeness
@@ -64,6 +65,8 @@ class Prepared:
     replicas : Replicas
     free : FreeAbundance or None
         The classes with their abundance free, where the cache has such streams.
+    misfit : Misfit or None
+        Detector of sure answers that hang on an assumption about the data.
     refused : tuple of float
         Share of each class's streams whose polynomial comes close to zero: measured, they would not be
         divided by one of this order, so that they are neither learnt from nor scored.
@@ -78,6 +81,7 @@ class Prepared:
     pdfs: PdfJudge
     replicas: Replicas
     free: FreeAbundance | None = None
+    misfit: Misfit | None = None
     refused: tuple[float, ...] = ()
 
     def answers(self, q: np.ndarray) -> np.ndarray:
@@ -113,6 +117,8 @@ class Verdict:
         Held-out streams at this observation's quality.
     free : ndarray (n_classes,) or None
         Probabilities if the abundance is not the simulated one, but free (`streamdash.classifier.abundance`).
+    misled : Misled
+        Whether the answer hangs on an assumption about the data.
     """
 
     labels: tuple[str, ...]
@@ -125,6 +131,7 @@ class Verdict:
     evidence: PdfEvidence
     judged: Judged
     free: np.ndarray | None = None
+    misled: Misled = Misled(1.0, "")
 
     @property
     def best(self) -> int:
@@ -181,7 +188,7 @@ def learn(
 ) -> Prepared:
     """`prepare` for streams that are observed already."""
     design, smooth = check_classes(streams).design, streams.smooth
-    steps = _Steps(progress, should_stop, 4 + N_MODELS)
+    steps = _Steps(progress, should_stop, 6 + N_MODELS)
     sets, refused = _accepted(split(streams.y, settings.seed), streams)
     known = np.concatenate([sets.train, sets.validation])
     judged = train(streams, design.sigma, settings, steps.within(4), should_stop, sets=sets)
@@ -193,6 +200,18 @@ def learn(
     likeness = learn_likeness(streams, design.sigma, smooth, known, sets.test, settings.seed)
     pdfs = learn_pdfs(streams.observed(design.sigma), streams.y, design.sigma, known, sets.test)
     steps.done(4 + N_MODELS)
+    misfit = learn_misfit(
+        models[0],
+        likeness.cloud,
+        design,
+        streams.clean,
+        streams.y,
+        smooth,
+        known,
+        sets.test,
+        settings.seed,
+    )
+    steps.done(5 + N_MODELS)
     alike = _as_many_of_each(sets.test, streams.y)
     replicas = learn_replicas(
         lambda q: np.mean([model.predict_proba(q) for model in models], axis=0),
@@ -201,6 +220,7 @@ def learn(
         design.fit,
         settings.seed,
     )
+    steps.done(6 + N_MODELS)
     committee = _committee(judged, models, streams.observed(design.sigma)[sets.test])
     return Prepared(
         design,
@@ -212,6 +232,7 @@ def learn(
         pdfs,
         replicas,
         refused=refused,
+        misfit=misfit,
     )
 
 
@@ -237,6 +258,7 @@ def judge(prepared: Prepared, observation: Observation) -> Verdict:
         resemblance=prepared.likeness(q[None])[0],
         evidence=prepared.pdfs(q),
         judged=prepared.judged,
+        misled=prepared.misfit(q[None], answer[None])[0] if prepared.misfit else Misled(1.0, ""),
         free=None if prepared.free is None else prepared.free.judged.classifier.predict_proba(q[None])[0],
     )
 

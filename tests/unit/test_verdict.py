@@ -11,6 +11,7 @@ from streamdash.classifier.data import Cancelled, ClassifierError, split
 from streamdash.config import Perturbers, StreamModel
 from streamdash.observe.evidence import blurred_pdf, learn_pdfs
 from streamdash.observe.guess import changed, guess
+from streamdash.observe.misfit import ERRORS, MISLED, SURE, WAVE
 from streamdash.observe.observation import Observation, interpret, read_observation
 from streamdash.observe.report import agreement, answer, report, text, verdict_of, warnings
 from streamdash.observe.resemblance import DOUBTFUL, UNLIKE, learn_likeness
@@ -272,7 +273,7 @@ def test_classes_of_different_streams_are_refused(cache, configs, world):
         prepare(cache, [configs[0], strange], world[0].design)
 
 
-def told(p: float, first: float, ln_bayes: float = -9.0, detected: bool = True) -> dict:
+def told(p: float, first: float, ln_bayes: float = -9.0, detected: bool = True, kind: str = "") -> dict:
     """A report of two classes with a p-value and a probability of the first."""
     verdict = "unlike" if p < UNLIKE else "unusual" if p < DOUBTFUL else "alike"
     result = {
@@ -291,6 +292,7 @@ def told(p: float, first: float, ln_bayes: float = -9.0, detected: bool = True) 
             {"mass_range": "1e5-1e9", "probability": 1 - first, "low": 0, "high": 0.5, "ln_bayes": ln_bayes},
         ],
         "quality": {"accuracy": 0.873, "pdf_accuracy": 0.71},
+        "hangs_on": {"kind": kind, "p": 0.01 if kind else 1.0},
     }
     return {**result, "verdict": verdict_of(result)}
 
@@ -324,7 +326,10 @@ def test_warnings_are_none_where_nothing_is_doubtful_and_name_what_is():
     assert warnings(told(0.4, 0.93)) == []
     assert "strong evidence for 10⁵–10⁹ M☉ instead" in warnings(told(0.4, 0.93, ln_bayes=9.0))[0]
     assert "a smooth stream would look alike" in warnings(told(0.4, 0.93, detected=False))[0]
-    assert "unusual member" in warnings(told(0.02, 0.93))[0]
+    assert not any("unusual" in words for words in warnings(told(0.02, 0.93)))  # the answer says so
+    misled = told(0.4, 0.93, kind=ERRORS)
+    assert warnings(misled)[0].startswith("The errors decide.")
+    assert answer(misled).startswith("Undecided. The errors decide.") and "probability 93 %" in answer(misled)
     nested = told(0.4, 0.93)
     nested["classes"][0]["mass_range"] = "1e5-1e7"
     assert "do not exclude one another" in warnings(nested)[0]
@@ -430,3 +435,43 @@ def test_streams_that_would_be_refused_are_neither_learnt_from_nor_scored(world)
     assert shares[0] < 0.01 < shares[1]
     # What is divided is what `ObservedStreams.observed` gives.
     np.testing.assert_allclose(divided(noisy, design.fit), streams.observed(), rtol=2e-4, atol=2e-4)
+
+
+@pytest.fixture(scope="module")
+def suspected(world):
+    """What is suspected of many profiles at once, and the answers to them."""
+    prepared, _ = world
+
+    def suspect(q: np.ndarray) -> tuple[list[str], np.ndarray]:
+        answers = prepared.answers(q.astype(np.float32)).mean(axis=0)
+        return [found.kind for found in prepared.misfit(q.astype(np.float32), answers)], answers
+
+    return suspect
+
+
+def seen(world, truth: int, factor: float = 1.0, wave: float = 0.0) -> np.ndarray:
+    """Unseen streams of a class, with a wave over the survey and errors larger than stated."""
+    prepared, unseen = world
+    rng = np.random.default_rng([truth, 21])
+    clean = unseen[truth][:300]
+    along = np.arange(clean.shape[1]) / clean.shape[1]
+    phase = 2 * np.pi * rng.random((len(clean), 1))
+    clean = clean * (1 + wave * np.sin(2 * np.pi * 3 * along + phase)).astype(np.float32)
+    draws = (factor * rng.standard_normal(clean.shape)).astype(np.float32)
+    return measured(clean, draws, prepared.design.sigma, prepared.design.fit)
+
+
+@pytest.mark.parametrize(("kind", "changes"), [(ERRORS, {"factor": 3.0}), (WAVE, {"wave": 0.3})])
+def test_sure_wrong_answers_name_the_assumption_they_hang_on(world, suspected, kind, changes):
+    kinds, answers = suspected(seen(world, 0, **changes))
+    misled = (answers[:, 1] > SURE) & (answers[:, 1] > 0.95)
+    assert misled.sum() > 60  # the light perturbers' streams are taken for the heavy ones'
+    named = [kind for kind, wrong in zip(kinds, misled, strict=True) if wrong]
+    assert np.mean([bool(name) for name in named]) > 0.75
+    assert named.count(kind) > 0.6 * len(named)
+
+
+def test_honest_sure_answers_are_seldom_suspected(world, suspected):
+    kinds = [kind for truth in (0, 1) for kind in suspected(seen(world, truth))[0]]
+    # 600 streams: three standard deviations of a binomial above the rate that is allowed for.
+    assert np.mean([bool(kind) for kind in kinds]) < MISLED + 3 * np.sqrt(MISLED / 600)
