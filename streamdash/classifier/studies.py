@@ -216,6 +216,32 @@ def noise_curve(
     return Curve.of(noises, scores)
 
 
+def wrong_noise_curve(
+    streams: ObservedStreams,
+    noise: float,
+    settings: ClassifierConfig = BEST,
+    noises: Sequence[float] = NOISES,
+    progress: Progress | None = None,
+    should_stop: ShouldStop | None = None,
+    workers: int = 1,
+) -> Curve:
+    """Scores against the true σ_ε of a classifier that was trained at one: what if the errors are wrong?
+
+    Parameters
+    ----------
+    noise : what the classifier is trained at.
+    noises : what the test streams are truly observed with; `noise` itself is always among them.
+    """
+    judged = train(streams, noise, settings, progress, should_stop, workers)
+    true = sorted({*noises, noise})
+    scores = []
+    for sigma in true:
+        _stop_if_asked(should_stop)
+        said = judged.classifier.predict_proba(streams.observed(sigma)[judged.rows])
+        scores.append(evaluate(judged.y, said, seed=settings.seed))
+    return Curve.of(true, scores)
+
+
 def importance(
     judged: Judged,
     streams: ObservedStreams,

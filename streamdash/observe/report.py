@@ -113,6 +113,7 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
             "n_held_out": int(scores.counts.sum()),
             "n_streams": [len(q) for q in prepared.streams.q],
             "refused": list(prepared.refused),
+            "accuracy_if_errors_are_wrong": [list(pair) for pair in prepared.wrong_errors],
         },
         "assumptions": list(observation.stated),
         "columns": observation.assumptions.model_dump(),
@@ -328,9 +329,22 @@ def caveats(observation: Observation, prepared: Prepared) -> list[str]:
         "clouds, spiral arms, the bar and globular clusters also make gaps and are not modelled.",
         f"All classes are taken to be equally likely beforehand{simulated}; mixtures are not considered.",
         "Errors are taken to be Gaussian, one standard deviation, and independent from bin to bin.",
+        *_wrong_errors(prepared),
         *unseen,
         *_refused(prepared),
         *near,
+    ]
+
+
+def _wrong_errors(prepared: Prepared) -> list[str]:
+    if not prepared.wrong_errors:
+        return []
+    parts = " and ".join(f"{percent(share)} at {factor:g} times" for factor, share in prepared.wrong_errors)
+    right = percent(float(prepared.judged.scores.values["overall_accuracy"]))
+    return [
+        "The probabilities hold if the errors are right. If they truly are others than stated, a classifier "
+        f"that trusts them puts {parts} the stated errors right, instead of {right}; the Classifier page has "
+        "the study."
     ]
 
 

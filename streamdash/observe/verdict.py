@@ -33,11 +33,13 @@ from streamdash.observe.resemblance import Likeness, Resemblance, learn_likeness
 from streamdash.statistics.features import FeatureMap
 from streamdash.statistics.scores import evaluate
 from streamdash.store.cache import Cache
-from streamdash.survey.design import Design, divided, divisible
+from streamdash.survey.design import Design, divided, divisible, measured
 from streamdash.survey.observed import ObservedStreams
 
 N_MODELS = 8
 """Models trained on resampled streams; their spread is part of the uncertainty."""
+ERROR_FACTORS = (0.5, 1.5, 2.0)
+"""By how much the errors may be wrong when it is told what that would do."""
 FEWEST = 10
 """Streams of a class in every set, without which none are left out."""
 BAND = (0.16, 0.84)
@@ -67,6 +69,8 @@ class Prepared:
         The classes with their abundance free, where the cache has such streams.
     misfit : Misfit or None
         Detector of sure answers that hang on an assumption about the data.
+    wrong_errors : tuple of (factor, accuracy)
+        Share of held-out streams put right if the errors truly are the stated ones times a factor.
     refused : tuple of float
         Share of each class's streams whose polynomial comes close to zero: measured, they would not be
         divided by one of this order, so that they are neither learnt from nor scored.
@@ -82,6 +86,7 @@ class Prepared:
     replicas: Replicas
     free: FreeAbundance | None = None
     misfit: Misfit | None = None
+    wrong_errors: tuple[tuple[float, float], ...] = ()
     refused: tuple[float, ...] = ()
 
     def answers(self, q: np.ndarray) -> np.ndarray:
@@ -233,6 +238,7 @@ def learn(
         replicas,
         refused=refused,
         misfit=misfit,
+        wrong_errors=_if_errors_are_wrong(models, streams, sets.test, settings.seed),
     )
 
 
@@ -282,6 +288,22 @@ def _accepted(sets: Split, streams: ObservedStreams) -> tuple[Split, tuple[float
     few = min(np.count_nonzero(streams.y[rows] == c) for c in classes for rows in smallest)
     refused = tuple(float(1 - fine[streams.y == c].mean()) for c in classes)
     return (sets, tuple(0.0 for _ in classes)) if few < FEWEST else (kept, refused)
+
+
+def _if_errors_are_wrong(
+    models: Sequence[Classifier], streams: ObservedStreams, rows: np.ndarray, seed: int
+) -> tuple[tuple[float, float], ...]:
+    """Share of streams put right with errors truly `ERROR_FACTORS` times the stated ones."""
+    rng = np.random.default_rng([seed, 13])
+    draws = rng.standard_normal(streams.clean[rows].shape, dtype=np.float32)
+    found = []
+    for factor in ERROR_FACTORS:
+        q = measured(
+            streams.clean[rows], np.float32(factor) * draws, streams.design.sigma, streams.design.fit
+        )
+        said = np.mean([model.predict_proba(q.astype(np.float32)) for model in models], axis=0)
+        found.append((factor, float(np.mean(said.argmax(axis=1) == streams.y[rows]))))
+    return tuple(found)
 
 
 def _as_many_of_each(rows: np.ndarray, y: np.ndarray) -> np.ndarray:

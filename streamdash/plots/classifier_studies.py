@@ -85,6 +85,22 @@ def noise_sentence(curve: Curve) -> str:
     )
 
 
+def wrong_noise_sentence(curve: Curve, noise: float) -> str:
+    """What a wrong error does to a classifier that was trained at `noise`, in one sentence."""
+    at = int(np.argmin(np.abs(curve.x - noise)))
+    parts = [
+        f"{100 * curve.accuracy[i]:.1f} % where it is {curve.x[i]:g}"
+        for i in range(len(curve.x))
+        if i != at and 0.4 * noise <= curve.x[i] <= 3.1 * noise
+    ]
+    others = f", {', '.join(parts)}" if parts else ""
+    return (
+        f"Trained at σ_ε = {noise:g} and never told otherwise, the classifier puts "
+        f"{100 * curve.accuracy[at]:.1f} % of the streams right where that is the true noise{others}. "
+        "Its probabilities hold at the trained noise only."
+    )
+
+
 # ---------------------------------------------------------------- importance along l
 
 

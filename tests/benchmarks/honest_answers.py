@@ -89,12 +89,16 @@ ROWS = (
 class World:
     """Fresh streams, and what is learnt for each design, both made when they are first asked for."""
 
-    def __init__(self, cache: Cache, n_streams: int) -> None:
-        self.cache, self.n_streams = cache, n_streams
+    def __init__(self, fresh: Cache, n_streams: int) -> None:
+        cache = Cache.default()
+        self.cache, self.fresh, self.n_streams = cache, fresh, n_streams
         found = {
             e.config.population.label: e.config
             for e in sorted(cache.entries(("ensembles",)), key=lambda e: e.config.n_streams)
-            if of_default_stream(e) and e.state == "complete" and e.config.seed == EnsembleConfig().seed
+            if of_default_stream(e)
+            and e.state == "complete"
+            and e.config.seed != SEED
+            and all(part.rate_factor == 1 for part in e.config.population.components)
         }
         self.configs = {label: found[label] for label in (*TWO, *THREE)}
         self.geometry = load_geometry(EnsembleConfig().stream, cache)
@@ -114,7 +118,7 @@ class World:
     def streams(self, label: str, rate: float, design: Design) -> np.ndarray:
         population = Population(components=(Perturbers(mass_range=label, rate_factor=rate),))
         config = EnsembleConfig(population=population, n_streams=self.n_streams, seed=SEED)
-        dataset = simulate(config, cache=self.cache, workers=1, executor="inline", nice=15)
+        dataset = simulate(config, cache=self.fresh, workers=1, executor="inline", nice=15)
         return observe_as(self.geometry, dataset, design).astype(np.float32)[: self.n_streams]
 
     def told(self, prepared: Prepared, q: np.ndarray) -> dict:

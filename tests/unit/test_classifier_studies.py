@@ -9,8 +9,16 @@ import pytest
 
 from streamdash.classifier.data import Cancelled, split
 from streamdash.classifier.model import Boosting, ClassifierConfig
-from streamdash.classifier.studies import compare, grid_search, importance, learning_curve, noise_curve
+from streamdash.classifier.studies import (
+    compare,
+    grid_search,
+    importance,
+    learning_curve,
+    noise_curve,
+    wrong_noise_curve,
+)
 from streamdash.classifier.train import train
+from streamdash.plots.classifier_studies import wrong_noise_sentence
 from streamdash.statistics.features import FeatureSet
 from streamdash.survey.observed import ObservedStreams
 from tests.unit import made_up
@@ -107,3 +115,15 @@ def test_comparison_is_on_one_split(streams):
 def test_studies_stop_when_asked(streams, study):
     with pytest.raises(Cancelled):
         study(streams, lambda: True)
+
+
+def test_a_classifier_that_trusts_a_wrong_noise_is_worse_where_it_is_larger(streams):
+    curve = wrong_noise_curve(streams, 0.3, SETTINGS, (0.0, 5.0))
+    assert curve.x.tolist() == [0.0, 0.3, 5.0]
+    at_its_own = noise_curve(streams, SETTINGS, (0.3,))
+    assert curve.accuracy[1] == at_its_own.accuracy[0]
+    assert curve.accuracy[2] < curve.accuracy[1] - 0.1
+    sentence = wrong_noise_sentence(curve, 0.3)
+    assert (
+        "Trained at σ_ε = 0.3" in sentence and f"{100 * curve.accuracy[1]:.1f} % of the streams" in sentence
+    )

@@ -21,6 +21,7 @@ from streamdash.classifier.studies import (
     importance,
     learning_curve,
     noise_curve,
+    wrong_noise_curve,
 )
 from streamdash.classifier.train import Judged
 from streamdash.plots import classifier_studies as plots
@@ -142,6 +143,7 @@ def studies_of(
         return listing
 
     size, noise = plots.SIZE_LABEL, noise_label(streams.configs[0].stream)
+    true_noise = f"True {noise[0].lower()}{noise[1:]}"
     return [
         Study(
             "importance",
@@ -171,6 +173,22 @@ def studies_of(
                 "classifier.studies import noise_curve",
                 f"draw_curve(curve, '{noise}', 'matplotlib')",
                 "noise-curve",
+            ),
+            CURVE_LEGEND,
+        ),
+        Study(
+            "wrong-noise",
+            "Accuracy where the noise is not the trained one: what if the errors are wrong?",
+            "The classifier of the chosen σ_ε judges test streams that are truly observed with another.",
+            question("wrong noise", wrong_noise_curve),
+            lambda curve, backend: plots.draw_curve(curve, true_noise, backend),
+            lambda curve: plots.curve_table(curve, "true_noise", labels),
+            lambda curve: plots.wrong_noise_sentence(curve, session.noise),
+            code(
+                "curve = wrong_noise_curve(streams, NOISE, settings)",
+                "classifier.studies import wrong_noise_curve",
+                f"draw_curve(curve, '{true_noise}', 'matplotlib')",
+                "wrong-noise",
             ),
             CURVE_LEGEND,
         ),
