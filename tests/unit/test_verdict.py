@@ -220,7 +220,9 @@ def test_the_report_has_one_story_in_every_form(world, bins, geometry):
     np.testing.assert_allclose(sum(c["probability"] for c in result["classes"]), 1, rtol=1e-5)
     for c in result["classes"]:
         assert c["low"] <= c["probability"] <= c["high"]
-    assert np.sum(result["quality"]["confusion"]) == result["quality"]["n_held_out"] == 400
+    test = split(prepared.streams.y, 0).test  # without those that would be refused when measured
+    scored = divisible(np.concatenate(prepared.streams.densities())[test], prepared.design.fit).sum()
+    assert np.sum(result["quality"]["confusion"]) == result["quality"]["n_held_out"] == scored < 400
     assert any("molecular" in words for words in result["caveats"])
     page = report_html(result, observation, prepared.bands())
     assert "<script" not in page
