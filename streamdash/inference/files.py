@@ -142,7 +142,7 @@ def _critic(arrays: dict[str, np.ndarray]) -> Critic:
     n_input = len(network.weights[0])
     return Critic(
         network,
-        arrays["odds"],
+        arrays["odds"].reshape(len(arrays["odds"]), -1),
         arrays.get("middle", np.zeros(n_input, np.float32)),
         arrays.get("whitening", np.zeros((n_input, 0))).astype(np.float32),
         arrays.get("distances", np.zeros(0, np.float32)),

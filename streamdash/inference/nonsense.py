@@ -1,18 +1,21 @@
 """Profiles that no perturbed stream has: what an estimator must not answer as if they were one.
 
-Two looks at a profile's features, each blind to what the other sees:
+Three looks at a profile's features, each blind to what the others see. A network tells streams from two
+sorts of alternatives, observed with the same bins and errors:
 
-`odds`
-    A network learns to tell streams from alternatives made for it, observed with the same bins and errors:
-    streams back to front, streams with the phases of their Fourier components scrambled, white noise larger
-    than the errors, and sine waves.
+`distorted`
+    streams back to front, and streams with the phases of their Fourier components scrambled;
+`made up`
+    white noise larger than the errors, and sine waves.
+
+The third needs no example of what is strange:
 
 `distance`
-    How far the features lie from the middle of all streams', in units of their scatter (Mahalanobis). It
-    needs no example of what is strange.
+    how far the features lie from the middle of all streams', in units of their scatter (Mahalanobis).
 
-Each is ranked among streams that were held back, and the two are joined: a share p of true streams is said
-to be as strange as p or stranger, whatever is looked at.
+Each is ranked among streams that were held back, and the smallest share of them that is as strange counts
+three times, as three were looked at. They are apart because some true streams are hardly told from their own
+mirror image: they must not hide a sine wave.
 """
 
 from __future__ import annotations
@@ -28,6 +31,8 @@ from streamdash.survey.design import Design
 
 SHORTEST = 4.0
 """Shortest sine wave in bins; the longest is as long as the profile."""
+LONG = 1 / 8
+"""Half of the sine waves are at least so long, as a share of the profile: those are most like streams."""
 AMPLITUDES = (0.05, 1.0)
 EXCESS_NOISE = (1.3, 5.0)
 """White noise in units of the stated errors."""
@@ -43,9 +48,9 @@ class Critic:
     Attributes
     ----------
     network : Network
-        Tells features of streams (0) from features of alternatives (1).
-    odds : ndarray, increasing
-        Its log odds of an alternative, for streams that were held back.
+        Tells features of streams (0) from those of distorted ones (1) and of what is made up (2).
+    odds : ndarray (n_held, 2), each column increasing
+        Its log odds of each alternative, for streams that were held back.
     middle : ndarray (n_input,)
     whitening : ndarray (n_input, n_input)
         Takes features off the middle to numbers of unit scatter.
@@ -79,7 +84,7 @@ class Critic:
         network, _ = train(
             lambda number: _stacked(streams[number % len(streams)], wrong[number % len(wrong)]),
             _stacked(held, wrong_held),
-            n_cells=2,
+            n_cells=3,
             seed=seed,
             max_epochs=EPOCHS,
             alpha=alpha,
@@ -89,38 +94,28 @@ class Critic:
         whitening = (vectors / np.sqrt(np.maximum(values, 0) + RIDGE)).astype(np.float32)
         empty = np.zeros(0, np.float32)
         first = cls(network, empty, middle, whitening, empty)
-        return cls(network, np.sort(first.log_odds(held)), middle, whitening, np.sort(first.distance(held)))
+        odds = np.sort(first.log_odds(held), axis=0)
+        return cls(network, odds, middle, whitening, np.sort(first.distance(held)))
 
     def log_odds(self, x: np.ndarray) -> np.ndarray:
-        """Log odds of an alternative (n,)."""
+        """Log odds of each alternative (n, 2)."""
         logs = self.network.log_probabilities(x)
-        return np.asarray(logs[:, 1] - logs[:, 0], np.float32)
+        return np.asarray(logs[:, 1:] - logs[:, :1], np.float32)
 
     def distance(self, x: np.ndarray) -> np.ndarray:
         """Squared distance from the middle of all streams (n,)."""
         return np.asarray((((x - self.middle) @ self.whitening) ** 2).sum(axis=1), np.float32)
 
     def strangeness(self, x: np.ndarray) -> np.ndarray:
-        """Share of streams (n,) that are less strange than each profile, by the look that finds it stranger.
-
-        As there are two looks, the shares of streams beyond it count twice.
-        """
-        beyond = np.minimum(_beyond(self.odds, self.log_odds(x)), _beyond(self.distances, self.distance(x)))
-        return np.maximum(1 - 2 * beyond, 0)
+        """Share of streams (n,) that are less strange than each profile, all looks joined."""
+        looks = [_beyond(k, v) for k, v in zip(self.odds.T, self.log_odds(x).T, strict=True)]
+        looks.append(_beyond(self.distances, self.distance(x)))
+        return np.maximum(1 - len(looks) * np.min(looks, axis=0), 0)
 
 
-def alternatives(
-    clean: np.ndarray,
-    design: Design,
-    prior: Prior,
-    rng: np.random.Generator,
-    factors: np.ndarray | None = None,
-) -> np.ndarray:
-    """One alternative for each clean stream (n, n_bin), observed; a quarter of each kind, about.
-
-    `factors` as in `streamdash.inference.prior_ensemble.observed`.
-    """
-    kind = rng.integers(4, size=len(clean))
+def alternatives(clean: np.ndarray, design: Design, prior: Prior, rng: np.random.Generator) -> np.ndarray:
+    """One alternative for each clean stream (n, n_bin), observed: the four kinds in turn."""
+    kind = np.arange(len(clean)) % 4
     made = np.ones_like(clean)
     made[kind == 0] = clean[kind == 0][:, ::-1]
     made[kind == 1] = scrambled(clean[kind == 1], rng)
@@ -128,10 +123,9 @@ def alternatives(
     noisy = kind == 3
     low, high = np.log(EXCESS_NOISE)
     factor = np.exp(rng.uniform(low, high, (int(noisy.sum()), 1)))
-    sigma = design.sigma if factors is None else factors[noisy][:, None] * design.sigma
     # On top of the errors that come with being observed.
-    made[noisy] += np.sqrt(factor**2 - 1) * sigma * rng.standard_normal((len(factor), clean.shape[1]))
-    return observed(made, design, prior, rng, factors)
+    made[noisy] += np.sqrt(factor**2 - 1) * design.sigma * rng.standard_normal((len(factor), clean.shape[1]))
+    return observed(made, design, prior, rng)
 
 
 def scrambled(clean: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -144,7 +138,8 @@ def scrambled(clean: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def sines(n: int, n_bin: int, rng: np.random.Generator) -> np.ndarray:
     """Sine waves of any length, amplitude and phase around 1, (n, n_bin)."""
-    length = np.exp(rng.uniform(np.log(SHORTEST), np.log(max(n_bin, SHORTEST)), (n, 1)))
+    shortest = np.where(rng.random((n, 1)) < 0.5, SHORTEST, max(SHORTEST, LONG * n_bin))
+    length = np.exp(rng.uniform(np.log(shortest), np.log(max(n_bin, SHORTEST)), (n, 1)))
     amplitude = np.exp(rng.uniform(np.log(AMPLITUDES[0]), np.log(AMPLITUDES[1]), (n, 1)))
     phase = rng.uniform(0, 2 * np.pi, (n, 1))
     return 1 + amplitude * np.sin(2 * np.pi * np.arange(n_bin) / length + phase)
@@ -156,4 +151,6 @@ def _beyond(known: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _stacked(streams: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.vstack([streams, others]), np.repeat([0, 1], [len(streams), len(others)])
+    """Inputs, and which are streams, distorted and made up; alternatives come in the order of their kinds."""
+    sort = 1 + (np.arange(len(others)) % 4) // 2
+    return np.vstack([streams, others]), np.concatenate([np.zeros(len(streams), int), sort])
