@@ -101,7 +101,7 @@ def classify_command(
             _read(file), make_cache(cache), mass.split(","), changes, model, file.name, hold
         )
         if html is not None:
-            _write(html, page())
+            write_report(html, page())
     if as_json:
         print_json(result)
     else:
@@ -186,7 +186,14 @@ def _read(path: Path) -> bytes:
         raise InputError(f"{path} cannot be read ({failure.strerror}).") from None
 
 
-def _write(path: Path, page: str) -> None:
+def write_report(path: Path, page: str) -> None:
+    """Write an HTML report, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        When it cannot be written.
+    """
     from streamdash.store.entry import write_file
 
     try:

@@ -66,6 +66,9 @@ def infer_command(
     streams: Annotated[
         int, typer.Option("--streams", min=500, max=200_000, help="Streams of the prior to learn from.")
     ] = 20_000,
+    html: Annotated[
+        Path | None, typer.Option("--report", metavar="HTML", help="Also write a report.")
+    ] = None,
     as_json: JsonOption = False,
     cache: CacheOption = None,
 ) -> None:
@@ -104,6 +107,11 @@ def infer_command(
                 streams,
                 lambda what, done, total: titled(what)(done, total),
             )
+    if html is not None:
+        from streamdash.cli.classify import write_report
+        from streamdash.plots.infer_html import infer_html
+
+        write_report(html, infer_html(found))
     if as_json:
         print_json(found.report())
     else:
