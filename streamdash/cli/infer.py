@@ -79,6 +79,8 @@ def infer_command(
     """
     from streamdash.observe.infer import infer
 
+    if html is not None and not html.absolute().parent.is_dir():
+        raise InputError(f"The folder of {html} does not exist; make it first.")
     changes = {
         "coordinate": coordinate,
         "position": position,

@@ -39,6 +39,8 @@ COPIES = 8
 """Draws of the noise of every training stream."""
 STRANGE = 0.99
 """A profile is strange if it looks less like a perturbed stream than this share of them does."""
+FEATURELESS = 0.5
+"""A profile that varies by less than this share of its errors is a smooth stream's, and not strange."""
 POWERS = np.round(np.arange(0.7, 1.51, 0.02), 2)
 
 Progress = Callable[[int, int], None]
@@ -154,15 +156,17 @@ class Estimator:
     ) -> Estimator:
         """Train on clean profiles (n, n_bin) with known parameters, a column for each of the grid's."""
         split = split_streams(len(clean), training.seed)
-        rng = np.random.default_rng([training.seed, 1])
+        rng, critics = (np.random.default_rng([training.seed, number]) for number in (1, 2))
         copies_in_all = training.copies + 4
         steps = copies_in_all + training.members * training.max_epochs * len(grid)
         count = _Counter(progress, steps)
         told = "noise" in training.told
 
         def drawn(part: np.ndarray, make: Callable[..., np.ndarray] = observed) -> _Seen:
-            factors = noise_factors(len(part), prior, rng) if told else None
-            return _Seen(make(clean[part], design, prior, rng, factors), factors)
+            # What the networks see does not depend on what the critic is shown.
+            source = rng if make is observed else critics
+            factors = noise_factors(len(part), prior, source) if told else None
+            return _Seen(make(clean[part], design, prior, source, factors), factors)
 
         first = drawn(split.train)
         features = FeatureMap.fit(first.q, training.features)
@@ -268,7 +272,7 @@ class Estimator:
         """
         x = self._inputs(q, noise_factor)
         p = calibrated(_joint(self.grid, self.factors, self.powers, x), self.curves)
-        p[self.critic.strangeness(x) > STRANGE] = _uniform(self.grid)
+        p[self.strangeness(q, noise_factor) > STRANGE] = _uniform(self.grid)
         return p
 
     def posteriors(self, q: np.ndarray, noise_factor: float = 1.0) -> list[Posterior]:
@@ -282,7 +286,9 @@ class Estimator:
         posterior is the prior. What has no structure beyond its errors is not strange: a stream that was
         not hit looks so.
         """
-        return self.critic.strangeness(self._inputs(q, noise_factor))
+        found = self.critic.strangeness(self._inputs(q, noise_factor))
+        varies = np.sqrt(np.mean((np.atleast_2d(q) - 1) ** 2, axis=1))
+        return np.where(varies < FEATURELESS * noise_factor * self.design.noise, 0.0, found)
 
     def simulate(self, n: int, seed: int, cache: Cache | None = None) -> tuple[pd.DataFrame, np.ndarray]:
         """Fresh streams of the prior, observed with the design.

@@ -90,7 +90,7 @@ class Critic:
             alpha=alpha,
         )
         middle = streams[0].mean(axis=0)
-        values, vectors = np.linalg.eigh(np.cov(streams[0].astype(float), rowvar=False))
+        values, vectors = np.linalg.eigh(np.atleast_2d(np.cov(streams[0].astype(float), rowvar=False)))
         whitening = (vectors / np.sqrt(np.maximum(values, 0) + RIDGE)).astype(np.float32)
         empty = np.zeros(0, np.float32)
         first = cls(network, empty, middle, whitening, empty)
@@ -113,8 +113,17 @@ class Critic:
         return np.maximum(1 - len(looks) * np.min(looks, axis=0), 0)
 
 
-def alternatives(clean: np.ndarray, design: Design, prior: Prior, rng: np.random.Generator) -> np.ndarray:
-    """One alternative for each clean stream (n, n_bin), observed: the four kinds in turn."""
+def alternatives(
+    clean: np.ndarray,
+    design: Design,
+    prior: Prior,
+    rng: np.random.Generator,
+    factors: np.ndarray | None = None,
+) -> np.ndarray:
+    """One alternative for each clean stream (n, n_bin), observed: the four kinds in turn.
+
+    `factors` as in `streamdash.inference.prior_ensemble.observed`.
+    """
     kind = np.arange(len(clean)) % 4
     made = np.ones_like(clean)
     made[kind == 0] = clean[kind == 0][:, ::-1]
@@ -124,8 +133,9 @@ def alternatives(clean: np.ndarray, design: Design, prior: Prior, rng: np.random
     low, high = np.log(EXCESS_NOISE)
     factor = np.exp(rng.uniform(low, high, (int(noisy.sum()), 1)))
     # On top of the errors that come with being observed.
-    made[noisy] += np.sqrt(factor**2 - 1) * design.sigma * rng.standard_normal((len(factor), clean.shape[1]))
-    return observed(made, design, prior, rng)
+    sigma = design.sigma if factors is None else factors[noisy][:, None] * design.sigma
+    made[noisy] += np.sqrt(factor**2 - 1) * sigma * rng.standard_normal((len(factor), clean.shape[1]))
+    return observed(made, design, prior, rng, factors)
 
 
 def scrambled(clean: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -74,7 +74,8 @@ class Inference:
         if self.strange:
             warning = (
                 "This profile is not like streams hit by subhalos, whatever their number: fewer than "
-                f"{1 - STRANGE:.0%} of the simulated ones look so unlike them. What follows means nothing."
+                f"{1 - STRANGE:.0%} of the simulated ones look so unlike them. Nothing is inferred: what "
+                "follows is the prior."
             )
             words.insert(0, warning)
         return words

@@ -13,7 +13,6 @@ import numpy as np
 from markupsafe import Markup
 
 from streamdash.inference.posterior import Posterior
-from streamdash.inference.words import SUBJECTS
 from streamdash.observe.infer import Inference
 from streamdash.plots import observe
 from streamdash.plots.elements import framed
@@ -22,6 +21,7 @@ from streamdash.plots.report_html import TEMPLATES
 from streamdash.plots.style import INK
 
 LABELS = {
+    "age_gyr": "age (Gyr)",
     "log10_rate": "log₁₀ abundance / CDM",
     "log10_half_mode_mass": "log₁₀ half-mode mass / M☉",
     "log10_excess": "log₁₀ excess of clusters / CDM",
@@ -39,7 +39,6 @@ def infer_html(found: Inference) -> str:
     return TEMPLATES.get_template("infer.html").render(
         result=result,
         labels=LABELS,
-        subjects=SUBJECTS,
         profile=_svg(observe.draw(found.observation, None, "matplotlib")),
         figures=figures,
         held_out=_held_out(found.estimator.card),

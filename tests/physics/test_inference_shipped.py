@@ -36,7 +36,7 @@ def few(estimator):
 
 
 def test_what_is_shipped_and_what_is_not():
-    assert ["gd1-like", "rate"] in NAMES
+    assert {stream for stream, prior in NAMES if prior == "rate"} == {"gd1-like", "gd1", "pal5"}
     assert sum(path.stat().st_size for path in SHIPPED.iterdir()) < 8e6
     with pytest.raises(ConfigError, match="prior"):
         load_estimator("gd1-like", "none")
@@ -106,6 +106,33 @@ def test_nonsense_is_flagged_and_streams_are_not(estimator, few):
     hit = truth["log10_rate"].to_numpy() > 0
     for backwards in (q[hit][:, ::-1], scrambled(q[hit], rng)):
         assert (estimator.strangeness(backwards) > STRANGE).mean() > 0.4
+
+
+@pytest.mark.parametrize("stream", ["gd1-like", "gd1", "pal5"])
+def test_nonsense_never_gets_a_narrow_answer(stream):
+    """Flagged, or a wide answer; of a smooth stream an upper limit or little more than the prior."""
+    one = load_estimator(stream)
+    design, rng = one.design, np.random.default_rng(3)
+    n, sigma = design.n_bin, design.noise
+    phase = rng.uniform(0, 2 * np.pi, (200, 1))
+    noise = sigma * rng.standard_normal((200, n))
+    x = np.arange(n)
+    wrong = {
+        "noise": 1 + 5 * sigma * rng.standard_normal((200, n)),
+        "short waves": 1 + 0.3 * np.sin(2 * np.pi * x / min(30, n) + phase) + noise,
+        "long waves": 1 + 0.3 * np.sin(2 * np.pi * x / min(150, n) + phase) + noise,
+    }
+    low, high = one.prior.ranges["log10_rate"]
+    for what, profiles in wrong.items():
+        posts = one.posteriors(divided(profiles.astype(np.float32), design.fit))
+        limits = [post.interval("log10_rate") for post in posts]
+        upper = np.array(["lower" in post.edges_reached("log10_rate") for post in posts])
+        narrow = np.array([b - a < 0.2 * (high - low) for a, b in limits]) & ~upper
+        assert narrow.mean() <= 0.1, what
+    smooth = divided((1 + noise).astype(np.float32), design.fit)
+    medians = [post.median("log10_rate") for post in one.posteriors(smooth)]
+    assert np.median(medians) < 0.5 * (low + high)
+    assert not (one.strangeness(np.ones((1, n), np.float32)) > STRANGE).any()
 
 
 def test_beyond_the_prior_is_at_its_edge(estimator):
