@@ -6,6 +6,8 @@ import hashlib
 import os
 import shutil
 import signal
+import subprocess
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -44,6 +46,22 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--slow", action="store_true", help="run the tests marked slow as well")
 
 
+WARM = """
+from streamdash.config import EnsembleConfig
+from streamdash.simulation.ensemble import compute_part
+from streamdash.store.cache import Cache
+compute_part(EnsembleConfig(n_streams=2), 0, range(2), Cache.default("cache"))
+"""
+"""What has the engine compiled."""
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Have the engine compiled once, before several workers and the processes they start do so side by side."""
+    several = getattr(session.config.option, "numprocesses", None)
+    if several and not hasattr(session.config, "workerinput"):
+        subprocess.run([sys.executable, "-c", WARM], cwd=ROOT, check=True)
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what is marked slow, unless it is asked for: by ``--slow``, ``-m`` or its own name."""
     named = any("::" in argument for argument in config.args)
@@ -69,14 +87,25 @@ def shipped_cache() -> Path:
 @pytest.fixture(scope="session")
 def small_cache(shipped_cache, tmp_path_factory) -> Path:
     """Folder of a cache with the first streams of the shipped ensembles of the paper's two classes."""
+    return _first_streams(shipped_cache, tmp_path_factory.mktemp("small") / "cache", "1e3-1e5", "1e5-1e9")
+
+
+@pytest.fixture(scope="session")
+def small_cache_of_four(shipped_cache, tmp_path_factory) -> Path:
+    """The same of the paper's two classes and of the two that the heavier of them is divided into."""
+    labels = ("1e3-1e5", "1e5-1e9", "1e5-1e7", "1e7-1e9")
+    return _first_streams(shipped_cache, tmp_path_factory.mktemp("four") / "cache", *labels)
+
+
+def _first_streams(shipped_cache: Path, root: Path, *labels: str) -> Path:
+    """Fill a cache with the first streams of shipped ensembles of the default stream."""
     from streamdash.store.cache import CHUNK, Cache
     from tests.shipped import of_default_stream
 
-    root = tmp_path_factory.mktemp("small") / "cache"
     shutil.copytree(shipped_cache / "geometries", root / "geometries")
     shipped, cache = Cache.default(shipped_cache), Cache.default(root)
     for entry in shipped.entries():
-        if of_default_stream(entry) and entry.config.population.label in ("1e3-1e5", "1e5-1e9"):
+        if of_default_stream(entry) and entry.config.population.label in labels:
             data = shipped.open_ensemble(entry.config)
             config = entry.config.model_copy(update={"n_streams": 2 * CHUNK})
             with cache.begin(config, data[["smooth", "omega_smooth"]]) as writer:

@@ -12,14 +12,23 @@ import pytest
 from app.pages.evidence.page import EvidencePage
 from app.pages.pdf.page import PdfPage
 from app.services.comparison import noisy_profiles
+from app.services.services import Services
 from streamdash.plots import evidence, pdf
 from streamdash.statistics.cumulative import cumulative_tables
 from streamdash.statistics.evidence import PAPER_TABLE_1, compare
 from streamdash.statistics.pdf import central_range, measure_pdfs
+from streamdash.store.cache import Cache
 
+N_STREAMS = 100  # of each class in the cache below
 PDF = "?page=pdf&mass=1e3-1e5,1e5-1e9"
 EVIDENCE = "?page=evidence&mass=1e3-1e5,1e5-1e9"
 THREE = "1e3-1e5,1e5-1e7,1e7-1e9"
+
+
+@pytest.fixture(scope="module")
+def services(small_cache_of_four) -> Services:
+    """Services of a server on few streams."""
+    return Services(Cache.default(small_cache_of_four))
 
 
 def data(live, label: str) -> dict[str, np.ndarray]:
@@ -172,9 +181,9 @@ def test_extreme_settings_are_shown_not_refused(open_shell, query):
 
 
 def test_code_of_every_card_runs_and_draws_what_is_shown(
-    open_shell, services, shipped_cache, tmp_path, monkeypatch
+    open_shell, services, small_cache_of_four, tmp_path, monkeypatch
 ):
-    monkeypatch.setenv("STREAMDASH_CACHE", str(shipped_cache))
+    monkeypatch.setenv("STREAMDASH_CACHE", str(small_cache_of_four))
     monkeypatch.chdir(tmp_path)
     for query in (f"{PDF}&noise=0.2&n_bin=12&alpha=3", f"{EVIDENCE}&noise=0.2&n_bin=12&exclude=measured"):
         page = open_shell(query).page
@@ -184,8 +193,8 @@ def test_code_of_every_card_runs_and_draws_what_is_shown(
     assert {path.name for path in tmp_path.iterdir()} == {"pdf.png", "pdf-bin.png", "evidence.png"}
 
 
-def test_code_of_the_table_prints_the_tables_numbers(open_shell, shipped_cache, monkeypatch, capsys):
-    monkeypatch.setenv("STREAMDASH_CACHE", str(shipped_cache))
+def test_code_of_the_table_prints_the_tables_numbers(open_shell, small_cache_of_four, monkeypatch, capsys):
+    monkeypatch.setenv("STREAMDASH_CACHE", str(small_cache_of_four))
     page = open_shell(EVIDENCE).page
     exec(compile(page.code_table(), "<shown>", "exec"), {})
     first = capsys.readouterr().out.splitlines()[0].split()
@@ -211,8 +220,8 @@ def test_tables_for_download_have_the_numbers_that_are_shown(open_shell):
 def test_growth_has_converging_numbers_of_streams(open_shell):
     page = open_shell(EVIDENCE).page
     (curve,) = page.curves.values()
-    assert curve.n_streams[-1] == 2000
-    assert "2000 streams" in page.growth_card._sentence.text
+    assert curve.n_streams[-1] == N_STREAMS
+    assert f"{N_STREAMS} streams" in page.growth_card._sentence.text
 
 
 @pytest.mark.parametrize("query", [PDF, EVIDENCE])
