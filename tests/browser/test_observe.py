@@ -13,12 +13,9 @@ from streamdash.observe.table import MAX_BYTES
 from streamdash.survey.mock import EXAMPLE
 
 pytestmark = pytest.mark.browser
-<<<<<<< HEAD
 LONG_MS = 120_000
 ANSWER_MS = 900_000
 """A committee is trained: half a minute on an idle machine, many on a busy one."""
-=======
->>>>>>> 0d7f0f0 (WIP browser waits)
 
 
 def choose(page: Page, name: str, data: bytes) -> None:
@@ -33,23 +30,17 @@ def test_the_example_is_classified_and_its_truth_revealed(tab):
     watched = tab("?page=observe")
     page = watched.page
     page.locator(".sd-example button").click()
-    expect(status(page)).to_contain_text("35 bins are compared")
+    expect(status(page)).to_contain_text("35 bins are compared", timeout=LONG_MS)
     expect(page.locator(".sd-stated")).to_contain_text("polynomial of order 3")
     page.locator(".sd-classify-start button").click()
-<<<<<<< HEAD
     expect(page.locator(".sd-answer .answer")).to_contain_text("10⁵–10⁹ M☉", timeout=ANSWER_MS)
     expect(page.locator(".sd-card-observe canvas").first).to_be_visible(timeout=LONG_MS)
     with page.expect_download(timeout=LONG_MS) as download:
-=======
-    expect(page.locator(".sd-answer .answer")).to_contain_text("10⁵–10⁹ M☉")
-    expect(page.locator(".sd-card-observe canvas").first).to_be_visible()
-    with page.expect_download() as download:
->>>>>>> 0d7f0f0 (WIP browser waits)
         page.locator(".sd-download-json a, .sd-download-json button").first.click()
     result = json.loads(Path(download.value.path()).read_text())
     expect(page.locator(".sd-answer .answer")).to_have_text(result["answer"])
     page.locator(".sd-reveal button").click()
-    expect(page.locator(".sd-truth")).to_contain_text("The truth")
+    expect(page.locator(".sd-truth")).to_contain_text("The truth", timeout=LONG_MS)
     assert not watched.complaints
     assert all(
         url.startswith(("http://localhost", "ws://localhost", "data:", "blob:")) for url in watched.requests
@@ -59,24 +50,18 @@ def test_the_example_is_classified_and_its_truth_revealed(tab):
 def test_bad_files_get_a_sentence_and_the_connection_stays(tab):
     page = tab("?page=observe").page
     choose(page, "huge.csv", b"1" * (MAX_BYTES + 1))
-    expect(page.locator(".sd-drop [role=alert]")).to_contain_text("larger than 1 MB")
+    expect(page.locator(".sd-drop [role=alert]")).to_contain_text("larger than 1 MB", timeout=LONG_MS)
     choose(page, "picture.csv", b"\x89PNG\x00\x00")
-<<<<<<< HEAD
     expect(page.locator(".sd-error-state")).to_contain_text("not text", timeout=LONG_MS)
     choose(
         page, "evil.csv", EXAMPLE.read_bytes().replace(b"density_error", b"<img/src=x/onerror=boom()/err>")
     )
     expect(page.locator(".sd-preview")).to_contain_text("<img/src=x/onerror=boom()/err>", timeout=LONG_MS)
-=======
-    expect(page.locator(".sd-error-state")).to_contain_text("not text")
-    choose(page, "evil.csv", EXAMPLE.read_bytes().replace(b"density_error", b"<img/src=x/onerror=boom()>"))
-    expect(page.locator(".sd-preview")).to_contain_text("<img/src=x/onerror=boom()>")
->>>>>>> 0d7f0f0 (WIP browser waits)
     expect(page.locator(".sd-error-state")).to_have_count(0)
     menu = page.get_by_label("The value is")
     menu.focus()
     page.keyboard.press("Home")
-    expect(page.locator(".sd-stated")).to_contain_text("is Qρ")
+    expect(page.locator(".sd-stated")).to_contain_text("is Qρ", timeout=LONG_MS)
     page.wait_for_function("() => new URLSearchParams(location.search).get('profile_kind') === 'q_rho'")
 
 
