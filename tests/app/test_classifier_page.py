@@ -16,6 +16,7 @@ from app.work.training import settings_of
 from streamdash.classifier.data import Cancelled
 from streamdash.classifier.model import BEST, PAPER
 from streamdash.plots.classifier import SHOWN_STREAMS
+from tests.waiting import PATIENCE_S, wait_until
 
 TWO = "?page=classifier&mass=1e3-1e5,1e5-1e9&preset=paper&n_pca=8&features=pca"
 
@@ -29,15 +30,16 @@ def models(tmp_path_factory, monkeypatch):
     set_curdoc(Document())
 
 
-def settle(page, seconds: float = 120) -> None:
+def settle(page) -> None:
     """Wait as the page's timer does until nothing is being computed."""
     watches = [page.watch, *(study.watch for study in page.studies)]
-    deadline = time.monotonic() + seconds
-    while any(watch.following for watch in watches):
-        assert time.monotonic() < deadline, "still computing"
+
+    def look() -> bool:
         for watch in watches:
             watch.look()
-        time.sleep(0.02)
+        return not any(watch.following for watch in watches)
+
+    wait_until(look, "still computing")
 
 
 def test_page_trains_at_once_and_shows_the_matrix(open_shell):
@@ -141,27 +143,22 @@ def test_closing_the_page_stops_work_nobody_waits_for(open_shell):
     shell = open_shell(TWO + "&noise=0.23")
     task = shell.page.watch.following
     shell.page.close()
-    deadline = time.monotonic() + 60
-    while task.active and time.monotonic() < deadline:
-        time.sleep(0.02)
+    wait_until(lambda: not task.active)
     assert task.state == "cancelled"
 
 
 # ---------------------------------------------------------------- work
 
 
-def wait_for(task: Task, seconds: float = 10) -> None:
-    deadline = time.monotonic() + seconds
-    while task.active:
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
+def wait_for(task: Task) -> None:
+    wait_until(lambda: not task.active, pause_s=0.005)
 
 
 def test_work_is_done_once_however_many_ask():
     work, runs, go = Work(), [], threading.Event()
 
     def compute(progress, should_stop):
-        go.wait(5)
+        go.wait(PATIENCE_S)
         runs.append(1)
         return object()
 

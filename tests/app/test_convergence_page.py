@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import io
 import shutil
-import time
 import weakref
 
 import numpy as np
@@ -21,6 +20,7 @@ from streamdash.convergence.knobs import KNOBS, ConvergenceTest, Setting, knob
 from streamdash.convergence.spectra import missing
 from streamdash.convergence.text import measure
 from streamdash.store.cache import Cache
+from tests.waiting import wait_until
 
 CONVERGENCE = "?page=convergence"
 
@@ -96,10 +96,12 @@ def test_a_test_that_is_missing_says_so_and_is_simulated_on_request(shipped_cach
     assert "2 of the 2 settings are not simulated yet" in page.task.text.text
     assert page.task.start.visible
     page.start()
-    deadline = time.monotonic() + 120
-    while page.watch.following is not None and time.monotonic() < deadline:
-        time.sleep(0.1)
+
+    def look() -> bool:
         page.watch.look()
+        return page.watch.following is None
+
+    wait_until(look, "still computing", 0.1)
     assert page.measured is not None
     assert page.task.start.visible is False
     assert "X = 1" in page.table.object

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import gc
-import time
 import uuid
-from collections.abc import Callable
+from collections import Counter
 
 import panel as pn
 import pytest
@@ -20,6 +19,7 @@ from app.session.session import Session
 from app.shell import Shell
 from app.ui import frame
 from streamdash.plots.live import LiveFigure
+from tests.waiting import wait_until
 
 KINDS = (Session, Shell, ProfilesPage, LiveFigure, Document, frame.pmui.Page)
 
@@ -27,17 +27,8 @@ KINDS = (Session, Shell, ProfilesPage, LiveFigure, Document, frame.pmui.Page)
 def alive() -> dict[str, int]:
     """Live objects of each kind that belongs to one browser session."""
     gc.collect()
-    things = gc.get_objects()
-    return {kind.__name__: sum(isinstance(thing, kind) for thing in things) for kind in KINDS}
-
-
-def wait_until(condition: Callable[[], bool], seconds: float = 300) -> bool:
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        if condition():
-            return True
-        time.sleep(0.1)
-    return condition()
+    types = Counter(map(type, gc.get_objects()))
+    return {kind.__name__: sum(n for one, n in types.items() if issubclass(one, kind)) for kind in KINDS}
 
 
 @pytest.fixture
@@ -54,7 +45,7 @@ def address(services):
         check_unused_sessions_milliseconds=100,
         unused_session_lifetime_milliseconds=100,
     )
-    assert wait_until(lambda: server_id in pn.state._servers)
+    wait_until(lambda: server_id in pn.state._servers)
     yield f"http://localhost:{pn.state._servers[server_id][0].port}/main"
     thread.stop()
 
@@ -76,16 +67,18 @@ def use_and_close(address: str) -> None:
 def test_sessions_that_end_are_freed(address, sessions):
     others = alive()  # what earlier tests of this process have not let go of
     use_and_close(address)
-    assert wait_until(lambda: alive()["Shell"] <= others["Shell"])
+    wait_until(lambda: alive()["Shell"] <= others["Shell"], "the first session stays", 0.5)
     others["Document"] = alive()["Document"]  # the server keeps one of its own
     for _ in range(sessions):
         use_and_close(address)
 
+    now: dict[str, int] = {}
+
     def freed() -> bool:
-        now = alive()
+        now.update(alive())
         return all(now[kind] <= count for kind, count in others.items())
 
-    assert wait_until(freed), f"alive before {others}, after {sessions} sessions {alive()}"
+    wait_until(freed, {"before": others, f"after {sessions} sessions": now}, 0.5)
 
 
 def test_a_page_does_not_follow_the_busy_flag_of_the_process():

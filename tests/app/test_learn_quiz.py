@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 
 from streamdash.classifier.data import split
 from streamdash.plots import quiz as plot
+from tests.waiting import wait_until
 
 QUIZ = "?page=learn&lesson=quiz"
 THREE = "1e3-1e5,1e5-1e7,1e7-1e9"
@@ -20,11 +19,12 @@ def lesson(shell):
 
 def wait(shell) -> None:
     """Until the classifier has been trained, as the timer of a session would."""
-    deadline = time.monotonic() + 120
-    while lesson(shell).judged is None and time.monotonic() < deadline:
+
+    def look() -> bool:
         lesson(shell).watch.look()
-        time.sleep(0.1)
-    assert lesson(shell).judged is not None
+        return lesson(shell).judged is not None
+
+    wait_until(look, "still training", 0.1)
 
 
 def test_the_same_link_asks_everybody_about_the_same_ten(open_shell):

@@ -19,6 +19,8 @@ import pytest
 from tornado.httpclient import HTTPRequest
 from tornado.websocket import websocket_connect
 
+from tests.waiting import PATIENCE_S
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -33,10 +35,10 @@ def free_ports(n: int) -> list[int]:
 
 
 def wait_for(url: str, processes: list[subprocess.Popen]) -> None:
-    deadline = time.monotonic() + 90
+    deadline = time.monotonic() + PATIENCE_S
     while True:
         try:
-            with urllib.request.urlopen(url, timeout=10) as answer:
+            with urllib.request.urlopen(url, timeout=PATIENCE_S) as answer:
                 assert answer.status == 200
                 return
         except OSError:
@@ -74,13 +76,13 @@ def site(shipped_cache, tmp_path):
         for process in (front_process, *servers):
             process.terminate()
         for process in (front_process, *servers):
-            process.wait(20)
+            process.wait(PATIENCE_S)
 
 
 def visit(address: str, jar: http.cookiejar.CookieJar) -> str:
     """Open the page as a browser does; gives its session token."""
     opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(jar))
-    with opener.open(f"http://{address}/main", timeout=120) as answer:
+    with opener.open(f"http://{address}/main", timeout=PATIENCE_S) as answer:
         page = answer.read().decode()
     return re.search(r'"token":\s*"([^"]+)"', page).group(1)
 
@@ -99,7 +101,7 @@ async def acknowledged(address: str, jar: http.cookiejar.CookieJar, token: str) 
         f"ws://{address}/main/ws", headers={"Cookie": cookies(jar), "Origin": f"http://{address}"}
     )
     connection = await websocket_connect(request, subprotocols=["bokeh", token])
-    header = await asyncio.wait_for(connection.read_message(), 60)
+    header = await asyncio.wait_for(connection.read_message(), PATIENCE_S)
     connection.close()
     return json.loads(header)["msgtype"] == "ACK"
 

@@ -38,7 +38,7 @@ def documents():
     set_curdoc(Document())
 
 
-def settle(page, seconds: float = 200) -> None:
+def settle(page, seconds: float = 300) -> None:
     """Wait as the page's timer does until nothing is being computed."""
     deadline = time.monotonic() + seconds
     while page.watch.following:

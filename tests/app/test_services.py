@@ -10,6 +10,7 @@ import pytest
 
 from app.services.services import Services
 from streamdash.store.cache import Cache
+from tests.waiting import PATIENCE_S
 
 
 @pytest.fixture
@@ -36,20 +37,20 @@ def test_many_threads_asking_at_once_compute_once(services):
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join(10)
+        thread.join(PATIENCE_S)
     assert results == [42] * 8
     assert len(calls) == 1
 
 
 def test_different_keys_do_not_wait_for_one_another(services):
     release = threading.Event()
-    slow = threading.Thread(target=lambda: services.shared("slow", lambda: release.wait(10)))
+    slow = threading.Thread(target=lambda: services.shared("slow", lambda: release.wait(PATIENCE_S)))
     slow.start()
     try:
         assert services.shared("quick", lambda: 1) == 1
     finally:
         release.set()
-        slow.join(10)
+        slow.join(PATIENCE_S)
 
 
 def test_results_are_forgotten_when_memory_is_used_up_the_oldest_first(services):
@@ -82,7 +83,7 @@ def test_a_failure_reaches_everyone_who_waits_and_is_not_kept(services):
 
     def fail() -> None:
         started.set()
-        release.wait(10)
+        release.wait(PATIENCE_S)
         raise ValueError("not today")
 
     def ask() -> None:
@@ -93,13 +94,13 @@ def test_a_failure_reaches_everyone_who_waits_and_is_not_kept(services):
 
     first = threading.Thread(target=ask)
     first.start()
-    started.wait(10)
+    started.wait(PATIENCE_S)
     second = threading.Thread(target=ask)
     second.start()
     time.sleep(0.05)
     release.set()
-    first.join(10)
-    second.join(10)
+    first.join(PATIENCE_S)
+    second.join(PATIENCE_S)
     assert failures == ["not today"] * 2
     assert services.shared("key", lambda: "better") == "better"
 
@@ -121,4 +122,4 @@ def test_the_thread_of_late_results_outlives_all_results(shipped_cache):
     for i in range(100):
         services.shared(("filler", i), lambda: np.zeros(200))
     assert services.later is thread
-    assert thread.submit(lambda: 1).result(timeout=60) == 1
+    assert thread.submit(lambda: 1).result(timeout=PATIENCE_S) == 1

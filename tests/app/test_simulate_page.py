@@ -51,7 +51,7 @@ def open_own(own):
     return open_at
 
 
-def follow(page, seconds: float = 120) -> list[JobStatus]:
+def follow(page, seconds: float = 300) -> list[JobStatus]:
     """Look as the page's timer does until its job has ended; gives what was seen."""
     seen = []
     deadline = time.monotonic() + seconds

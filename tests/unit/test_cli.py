@@ -330,7 +330,7 @@ def test_removing_may_be_declined(cache, toy):
         terminal, end = pty.openpty()
         process = subprocess.Popen(arguments, stdin=end, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         os.write(terminal, answer)
-        process.communicate(timeout=60)
+        process.communicate(timeout=300)
         os.close(terminal)
         os.close(end)
         assert process.returncode == (0 if gone else 2)

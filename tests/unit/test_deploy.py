@@ -36,6 +36,7 @@ from streamdash.config import ConfigError
 from streamdash.observe.table import UploadLimit
 from streamdash.settings import PREFIX
 from streamdash.simulation.limits import Limits
+from tests.waiting import PATIENCE_S
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "deployment.md"
 SECRET = "0123456789abcdef0123456789abcdef"
@@ -217,10 +218,10 @@ def running(**variables: str) -> Iterator[str]:
     )
     address = f"http://127.0.0.1:{port}"
     try:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + PATIENCE_S
         while True:
             try:
-                with urllib.request.urlopen(f"{address}/liveness", timeout=5) as answer:
+                with urllib.request.urlopen(f"{address}/liveness", timeout=PATIENCE_S) as answer:
                     assert answer.status == 200
                     break
             except OSError:
@@ -229,9 +230,9 @@ def running(**variables: str) -> Iterator[str]:
                 time.sleep(0.2)
         yield address
         server.send_signal(signal.SIGTERM)
-        server.wait(20)
+        server.wait(PATIENCE_S)
         with pytest.raises(OSError, match="refused"):
-            urllib.request.urlopen(f"{address}/liveness", timeout=5)
+            urllib.request.urlopen(f"{address}/liveness", timeout=PATIENCE_S)
     finally:
         if server.poll() is None:
             server.kill()
@@ -241,11 +242,11 @@ def running(**variables: str) -> Iterator[str]:
 def visit(address: str, password: str) -> str:
     """Where a visitor who gives `password` ends up."""
     opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(http.cookiejar.CookieJar()))
-    with opener.open(f"{address}/main", timeout=120) as answer:
+    with opener.open(f"{address}/main", timeout=PATIENCE_S) as answer:
         assert urllib.parse.urlsplit(answer.url).path == "/login"
     form = urllib.parse.urlencode({"username": "anyone", "password": password}).encode()
-    opener.open(f"{address}/login", form, timeout=120).close()
-    with opener.open(f"{address}/main", timeout=120) as answer:
+    opener.open(f"{address}/login", form, timeout=PATIENCE_S).close()
+    with opener.open(f"{address}/main", timeout=PATIENCE_S) as answer:
         return urllib.parse.urlsplit(answer.url).path
 
 
@@ -261,7 +262,7 @@ def test_a_password_keeps_others_out():
 def answers(address: str, path: str = "/main", data: bytes | None = None) -> tuple[int, Message]:
     """Status and headers of an answer, redirects not followed."""
     parts = urllib.parse.urlsplit(address)
-    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=120)
+    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=PATIENCE_S)
     form = {"Content-Type": "application/x-www-form-urlencoded"}
     connection.request("POST" if data else "GET", path, data, form if data else {})
     answer = connection.getresponse()
@@ -304,7 +305,7 @@ def test_every_answer_has_its_headers_and_no_version():
 
 def test_sessions_of_ones_own_making_are_refused():
     with running() as address:
-        with urllib.request.urlopen(f"{address}/main", timeout=120) as answer:
+        with urllib.request.urlopen(f"{address}/main", timeout=PATIENCE_S) as answer:
             assert answer.status == 200
         with pytest.raises(OSError, match="Disconnected with error code"):
             pull_session(session_id="mine", url=f"{address}/main")

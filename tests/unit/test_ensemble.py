@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -32,6 +31,7 @@ from streamdash.simulation.geometry import load_geometry
 from streamdash.simulation.workers import results
 from streamdash.store.cache import Cache
 from tests.unit.processes import children, living
+from tests.waiting import PATIENCE_S, wait_until
 
 
 @pytest.fixture(scope="module")
@@ -284,13 +284,13 @@ def command(config: EnsembleConfig, cache: Cache, n_streams: int) -> list[str]:
 
 
 def wait_for_chunks(cache: Cache, key: str, n_done: int, process: subprocess.Popen) -> None:
-    deadline = time.monotonic() + 120
-    while time.monotonic() < deadline and process.poll() is None:
+    def going() -> bool:
+        assert process.poll() is None, process.communicate()
         with contextlib.suppress(Exception):
-            if cache.find(key).n_done >= n_done:
-                return
-        time.sleep(0.01)
-    pytest.fail("the simulation did not get going")
+            return cache.find(key).n_done >= n_done
+        return False
+
+    wait_until(going, "the simulation did not get going", 0.01)
 
 
 @pytest.fixture
@@ -328,7 +328,7 @@ def test_after_a_kill_the_same_command_gives_the_same_bytes(config, geometry_cac
     untouched = tmp_path / "untouched"
     shutil.copytree(geometry_cache.roots[0] / "geometries", untouched / "geometries")
     simulate(many, "processes", 2, Cache.default(untouched))
-    assert not living(workers)  # they noticed
+    wait_until(lambda: not living(workers))  # they notice
     assert files(toy, geometry_cache, many) == files(toy, Cache.default(untouched), many)
 
 
@@ -343,10 +343,7 @@ def test_workers_of_a_killed_process_end_even_when_they_never_had_work(start):
     assert len(workers) >= 4
     process.kill()
     process.wait()
-    deadline = time.monotonic() + 20
-    while living(workers) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    assert not living(workers)
+    wait_until(lambda: not living(workers))
 
 
 def test_ctrl_c_says_what_is_kept_and_how_to_resume(config, geometry_cache, start):
@@ -354,7 +351,7 @@ def test_ctrl_c_says_what_is_kept_and_how_to_resume(config, geometry_cache, star
     process = start(command(config, geometry_cache, 3000))
     wait_for_chunks(geometry_cache, many.key, CHUNK, process)
     os.killpg(process.pid, signal.SIGINT)
-    output, errors = process.communicate(timeout=30)
+    output, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130, errors
     assert output == ""
     done = geometry_cache.find(many.key).n_done
@@ -367,7 +364,7 @@ def test_ctrl_c_says_what_is_kept_and_how_to_resume(config, geometry_cache, star
 def test_two_processes_on_one_entry_share_the_work(config, undisturbed, geometry_cache, toy, start):
     both = [start(command(config, geometry_cache, 130)) for _ in range(2)]
     for process in both:
-        output, errors = process.communicate(timeout=120)
+        output, errors = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 0, errors
         assert "130 streams of 1e5-1e7" in output
     assert files(toy, geometry_cache, config) == undisturbed[1]
@@ -385,7 +382,7 @@ def test_two_threads_on_one_entry_share_the_work(config, undisturbed, geometry_c
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join(120)
+        thread.join(PATIENCE_S)
     for result in results:
         xr.testing.assert_identical(result, undisturbed[0])
     assert len(results) == 2

@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from streamdash.simulation.geometry import load_geometry
 from streamdash.simulation.jobs import Jobs, Limits
 from streamdash.store.cache import Cache
 from tests.unit.processes import children, living
+from tests.waiting import PATIENCE_S, wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -34,7 +34,7 @@ from streamdash.simulation.jobs import Jobs, Limits
 from streamdash.store.cache import Cache
 jobs = Jobs(Cache.default(sys.argv[1]), Limits(workers=2, nice=0))
 key = jobs.submit(EnsembleConfig.parse(sys.argv[2]), "me")
-status = jobs.wait(key, 120)
+status = jobs.wait(key, 300)
 print("done" if status is None else status.state, flush=True)
 jobs.close()
 """
@@ -90,18 +90,17 @@ def run_here(cache: Cache, config: EnsembleConfig, **limits):
     """Have a job done by this process; returns its last status."""
     jobs = Jobs(cache, Limits(**{"workers": 2, "nice": 0, **limits}))
     try:
-        return jobs.wait(jobs.submit(config, "me"), 120)
+        return jobs.wait(jobs.submit(config, "me"), PATIENCE_S)
     finally:
         jobs.close()
 
 
-def wait_for_streams(cache: Cache, config: EnsembleConfig, process: subprocess.Popen) -> int:
-    deadline = time.monotonic() + 120
-    while not (done := cache.streams_done(config)):
+def wait_for_streams(cache: Cache, config: EnsembleConfig, process: subprocess.Popen) -> None:
+    def going() -> bool:
         assert process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline, "the simulation did not get going"
-        time.sleep(0.01)
-    return done
+        return cache.streams_done(config) > 0
+
+    wait_until(going, "the simulation did not get going", 0.01)
 
 
 def files(toy, cache: Cache, config: EnsembleConfig) -> dict[str, bytes]:
@@ -116,11 +115,10 @@ def test_a_job_goes_on_when_its_workers_are_killed(config, undisturbed, geometry
 
     jobs = Jobs(geometry_cache, Limits(workers=2, nice=0))
     key = jobs.submit(config, "me")
-    while jobs.find(key).done == 0:
-        time.sleep(0.01)
+    wait_until(lambda: jobs.find(key).done > 0, pause_s=0.01)
     for pid in list(reusable_executor._executor._processes):
         os.kill(pid, signal.SIGKILL)
-    status = jobs.wait(key, 120)
+    status = jobs.wait(key, PATIENCE_S)
     jobs.close()
     assert (status.state, status.error) == ("done", "")
     assert files(toy, geometry_cache, config) == undisturbed
@@ -139,7 +137,7 @@ def test_a_killed_server_loses_nothing_that_was_finished(config, undisturbed, ge
     after = files(toy, geometry_cache, config)
     assert after == undisturbed
     assert all(after[name] == data for name, data in kept.items() if not name.endswith(".tmp"))
-    assert not living(workers)  # they noticed
+    wait_until(lambda: not living(workers))  # they notice
 
 
 def test_a_server_that_ends_does_not_wait_for_what_its_workers_were_given(config, geometry_cache, launch):
@@ -148,7 +146,7 @@ def test_a_server_that_ends_does_not_wait_for_what_its_workers_were_given(config
     script = f"{begins}\nimport time\nwhile not jobs.find(key).done:\n    time.sleep(0.01)\n"
     process = launch(sys.executable, "-c", script, geometry_cache.roots[0], many.model_dump_json())
     wait_for_streams(geometry_cache, many, process)
-    _, errors = process.communicate(timeout=30)
+    _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0
     assert "Traceback" not in errors
     entry = geometry_cache.find(many.key)
@@ -168,9 +166,9 @@ def test_two_servers_and_the_command_line_on_one_cache_in_an_odd_place(
     both = [server(cache) for _ in range(2)]
     one = launch(*line, LC_ALL="C", LANG="tr_TR", TZ="Antarctica/Troll", PYTHONUTF8="0")
     for process in both:
-        output, errors = process.communicate(timeout=120)
+        output, errors = process.communicate(timeout=PATIENCE_S)
         assert output.strip() == "done", errors
-    output, errors = one.communicate(timeout=120)
+    output, errors = one.communicate(timeout=PATIENCE_S)
     assert one.returncode == 0 and "streams of 1e5-1e7" in output, errors
     assert files(toy, cache, config) == undisturbed
     assert [e.state for e in cache.entries() if e.kind == "ensemble"] == ["complete"]
@@ -189,25 +187,20 @@ def test_a_cluster_goes_on_when_a_worker_is_killed_and_says_so_when_its_schedule
     common = ["--nthreads", 1, "--no-dashboard", "--scheduler-file", contact, "--no-nanny"]
     common += ["--local-directory", tmp_path / "scratch"]
     workers = [launch(*dask, "worker", *common) for _ in range(2)]
-    deadline = time.monotonic() + 60
-    while not contact.exists():
-        assert time.monotonic() < deadline and scheduler.poll() is None
-        time.sleep(0.05)
+    wait_until(contact.exists, "the scheduler did not start")
     address = _address(contact)
     jobs = Jobs(geometry_cache, Limits(scheduler=address))
     key = jobs.submit(config, "me")
-    while (status := jobs.find(key)).active and not status.done:
-        time.sleep(0.01)
-    assert status.done, status.error
+    wait_until(lambda: jobs.find(key).done or not jobs.find(key).active, pause_s=0.01)
+    assert jobs.find(key).done, jobs.find(key).error
     workers[0].kill()
-    assert jobs.wait(key, 120).state == "done"
+    assert jobs.wait(key, PATIENCE_S).state == "done"
     assert files(toy, geometry_cache, config) == undisturbed
     many = config.model_copy(update={"seed": 1, "n_streams": 5000})
     jobs.submit(many, "me")  # the one worker left computes it, not this process
-    while (status := jobs.find(many.key)).active and not status.done:
-        time.sleep(0.01)
+    wait_until(lambda: jobs.find(many.key).done or not jobs.find(many.key).active, pause_s=0.01)
     scheduler.kill()
-    status = jobs.wait(many.key, 60)
+    status = jobs.wait(many.key, PATIENCE_S)
     jobs.close()
     assert status.state == "failed"
     assert status.error.startswith(f"The Dask scheduler {address} cannot be reached")
@@ -234,10 +227,12 @@ from streamdash.store.cache import Cache
 load_geometry(StreamModel.parse(sys.argv[2]), Cache.default(sys.argv[1]), workers=1)
 """
     process = launch(sys.executable, "-c", script, cache.roots[0], stream.model_dump_json())
-    deadline = time.monotonic() + 240
-    while not cache.times_done(stream):
-        assert process.poll() is None and time.monotonic() < deadline
-        time.sleep(0.05)
+
+    def going() -> bool:
+        assert process.poll() is None, process.communicate()
+        return bool(cache.times_done(stream))
+
+    wait_until(going, "the geometry did not get going")
     workers = children(process.pid)
     process.kill()
     process.wait()
@@ -253,12 +248,12 @@ load_geometry(StreamModel.parse(sys.argv[2]), Cache.default(sys.argv[1]), worker
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join(240)
+        thread.join(PATIENCE_S)
     assert {done for reports in seen.values() for done, _ in reports} <= {1, 2}
     assert geometries[0].to_dataset().identical(geometries[1].to_dataset())
     assert np.isfinite(geometries[0].table_ends).all() and len(geometries[0].table_ends) == 2
     assert [(e.kind, e.state) for e in cache.entries()] == [("geometry", "complete")]
-    assert not living(workers)
+    wait_until(lambda: not living(workers))
 
 
 # ------------------------------------------------------------------ disks

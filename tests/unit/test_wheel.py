@@ -169,14 +169,14 @@ def test_the_dashboard_is_served(installed, tmp_path):
         page = fetch(f"http://localhost:{port}/main?page=evidence", server)
     finally:
         server.send_signal(signal.SIGTERM)
-        server.wait(60)
+        server.wait(300)
     said = log.read_text(encoding="utf-8")
     assert "Traceback" not in said and "Error" not in said, said
     assert "<title>streamdash</title>" in page
     assert re.search(r'"roots":\s*\{\s*"', page), "the page has nothing on it"
 
 
-def fetch(url: str, server: subprocess.Popen, seconds: float = 180) -> str:
+def fetch(url: str, server: subprocess.Popen, seconds: float = 300) -> str:
     """A page as soon as the server gives it."""
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
