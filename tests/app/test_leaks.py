@@ -5,11 +5,13 @@ from __future__ import annotations
 import gc
 import uuid
 from collections import Counter
+from collections.abc import Iterator
 
 import panel as pn
 import pytest
 from bokeh.client import pull_session
 from bokeh.document import Document
+from bokeh.server.server import Server
 from panel.util import edit_readonly
 
 from app import ui
@@ -32,7 +34,7 @@ def alive() -> dict[str, int]:
 
 
 @pytest.fixture
-def address(services):
+def server(services) -> Iterator[Server]:
     """A server in this process that forgets unused sessions at once."""
     server_id = uuid.uuid4().hex
     thread = pn.serve(
@@ -46,13 +48,13 @@ def address(services):
         unused_session_lifetime_milliseconds=100,
     )
     wait_until(lambda: server_id in pn.state._servers)
-    yield f"http://localhost:{pn.state._servers[server_id][0].port}/main"
+    yield pn.state._servers[server_id][0]
     thread.stop()
 
 
-def use_and_close(address: str) -> None:
+def use_and_close(server: Server) -> None:
     """Open a session as a browser does, move its noise slider, and leave."""
-    client = pull_session(url=address)
+    client = pull_session(url=f"http://localhost:{server.port}/main")
     slider = next(
         model
         for model in client.document.models
@@ -64,21 +66,21 @@ def use_and_close(address: str) -> None:
 
 
 @pytest.mark.parametrize("sessions", [4, pytest.param(200, marks=pytest.mark.slow)])
-def test_sessions_that_end_are_freed(address, sessions):
-    others = alive()  # what earlier tests of this process have not let go of
-    use_and_close(address)
-    wait_until(lambda: alive()["Shell"] <= others["Shell"], "the first session stays", 0.5)
-    others["Document"] = alive()["Document"]  # the server keeps one of its own
-    for _ in range(sessions):
-        use_and_close(address)
+def test_sessions_that_end_are_freed(server, sessions):
+    others, now = alive(), {}  # earlier tests of this process may not have let go of everything
 
-    now: dict[str, int] = {}
-
-    def freed() -> bool:
+    def freed(*kinds: str) -> bool:
+        if server.get_sessions("/main"):
+            return False
         now.update(alive())
-        return all(now[kind] <= count for kind, count in others.items())
+        return all(now[kind] <= others[kind] for kind in kinds)
 
-    wait_until(freed, {"before": others, f"after {sessions} sessions": now}, 0.5)
+    use_and_close(server)
+    wait_until(lambda: freed("Shell"), "the first session stays", 0.5)
+    others["Document"] = now["Document"]  # the server keeps one of its own
+    for _ in range(sessions):
+        use_and_close(server)
+    wait_until(lambda: freed(*others), {"before": others, f"after {sessions} sessions": now}, 0.5)
 
 
 def test_a_page_does_not_follow_the_busy_flag_of_the_process():
