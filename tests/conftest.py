@@ -56,7 +56,7 @@ compute_part(EnsembleConfig(n_streams=2), 0, range(2), Cache.default("cache"))
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Have the engine compiled once, before several workers and the processes they start do so side by side."""
+    """Have the engine compiled once, before several workers and what they start do so side by side."""
     several = getattr(session.config.option, "numprocesses", None)
     if several and not hasattr(session.config, "workerinput"):
         subprocess.run([sys.executable, "-c", WARM], cwd=ROOT, check=True)

@@ -16,11 +16,13 @@ from panel.util import edit_readonly
 
 from app import ui
 from app.pages.profiles.page import ProfilesPage
+from app.services.services import Services
 from app.serving import open_session
 from app.session.session import Session
 from app.shell import Shell
 from app.ui import frame
 from streamdash.plots.live import LiveFigure
+from streamdash.store.cache import Cache
 from tests.waiting import wait_until
 
 KINDS = (Session, Shell, ProfilesPage, LiveFigure, Document, frame.pmui.Page)
@@ -31,6 +33,12 @@ def alive() -> dict[str, int]:
     gc.collect()
     types = Counter(map(type, gc.get_objects()))
     return {kind.__name__: sum(n for one, n in types.items() if issubclass(one, kind)) for kind in KINDS}
+
+
+@pytest.fixture(scope="module")
+def services(small_cache) -> Services:
+    """Services of a server on few streams: sessions are what is looked at."""
+    return Services(Cache.default(small_cache))
 
 
 @pytest.fixture
