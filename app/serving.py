@@ -9,6 +9,7 @@ from typing import Any
 
 import panel as pn
 from bokeh.server.views.ws import WSHandler
+from panel.io.resources import LOCAL_DIST
 from panel.viewable import Viewable
 
 from app.borrowed import forget_view
@@ -34,6 +35,7 @@ def open_session(services: Services) -> Viewable:
         reconnect=True,
         disconnect_notification="The connection to the server was lost; trying again …",
     )
+    load_styles_from_here()
     services.watch.start()
     seen = services.watch.version
     session = Session(tuple(page.key for page in PAGES), services.catalog())
@@ -87,6 +89,18 @@ class News:
             self._marked = time.monotonic()
             for key in self.session.mass:
                 mark_used(self.services.cache, key)
+
+
+def load_styles_from_here() -> None:
+    """Have this session's components ask this server for their styles from the beginning.
+
+    Panel 1.9.4 says so to a document only when its page is sent. What is built before, or for a browser
+    that comes back by its WebSocket alone, would name Panel's public server, which the doors' policy forbids.
+    """
+    document = pn.state.curdoc
+    if document is not None:
+        here = "/".join(part for part in (pn.state.rel_path, LOCAL_DIST.rstrip("/")) if part)
+        document.template_variables.setdefault("dist_url", f"{here}/")
 
 
 def send_small_messages_at_once() -> None:

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import uuid
+from collections.abc import Iterator
+
+import panel as pn
 import pytest
+from bokeh.server.server import Server
 
 from app.pages.registry import PAGES
 from app.services.services import Services
+from app.serving import open_session
 from app.session.session import Session
 from app.shell import Shell
 from streamdash.store.cache import Cache
+from tests.waiting import wait_until
 
 
 @pytest.fixture(scope="session")
@@ -27,3 +34,22 @@ def open_shell(services):
         return Shell(session, services, PAGES)
 
     return open_at
+
+
+@pytest.fixture
+def server(services) -> Iterator[Server]:
+    """A server in this process that forgets unused sessions at once."""
+    server_id = uuid.uuid4().hex
+    thread = pn.serve(
+        {"main": lambda: open_session(services)},
+        port=0,
+        threaded=True,
+        show=False,
+        verbose=False,
+        server_id=server_id,
+        check_unused_sessions_milliseconds=100,
+        unused_session_lifetime_milliseconds=100,
+    )
+    wait_until(lambda: server_id in pn.state._servers)
+    yield pn.state._servers[server_id][0]
+    thread.stop()

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import gc
-import uuid
 from collections import Counter
-from collections.abc import Iterator
 
 import panel as pn
 import pytest
@@ -17,7 +15,6 @@ from panel.util import edit_readonly
 from app import ui
 from app.pages.profiles.page import ProfilesPage
 from app.services.services import Services
-from app.serving import open_session
 from app.session.session import Session
 from app.shell import Shell
 from app.ui import frame
@@ -39,25 +36,6 @@ def alive() -> dict[str, int]:
 def services(small_cache) -> Services:
     """Services of a server on few streams: sessions are what is looked at."""
     return Services(Cache.default(small_cache))
-
-
-@pytest.fixture
-def server(services) -> Iterator[Server]:
-    """A server in this process that forgets unused sessions at once."""
-    server_id = uuid.uuid4().hex
-    thread = pn.serve(
-        {"main": lambda: open_session(services)},
-        port=0,
-        threaded=True,
-        show=False,
-        verbose=False,
-        server_id=server_id,
-        check_unused_sessions_milliseconds=100,
-        unused_session_lifetime_milliseconds=100,
-    )
-    wait_until(lambda: server_id in pn.state._servers)
-    yield pn.state._servers[server_id][0]
-    thread.stop()
 
 
 def use_and_close(server: Server) -> None:
