@@ -210,6 +210,27 @@ def test_nothing_is_classified_while_another_file_is_on_its_way(open_page):
     assert page.controls.start.disabled and not page.result_part.visible
 
 
+def test_what_would_change_the_answer_is_tried_in_the_background(open_page):
+    page = open_page()
+    upload(page, EXAMPLE.read_bytes())
+    page.classify()
+    settle(page)
+    assert "was not tried" in page.outcome.result["would_change"]
+    deadline = time.monotonic() + 600
+    while page.trying.following:
+        assert time.monotonic() < deadline, "still trying"
+        page.trying.look()
+        time.sleep(0.02)
+    assert len(page.outcome.result["robustness"]) > 8
+    assert "What would change it was not tried" not in page.answer.object
+    # HTML that a page shows is written as text that was escaped once, never handed over as markup.
+    assert type(page.answer.object) is str and type(page.holds.object) is str
+    assert "<table" in page.holds.object
+    assert "polynomial of order 0" in page.holds.object and "errors × 2" in page.holds.object
+    assert "Does it hold?" in page._html_report().decode()
+    assert json.loads(page._json_report())["robustness"][0]["name"] == "as chosen"
+
+
 def test_the_same_file_chosen_again_is_read_again(open_page):
     page = open_page()
     for _ in range(2):

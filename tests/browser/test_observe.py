@@ -39,6 +39,8 @@ def test_the_example_is_classified_and_its_truth_revealed(tab):
         page.locator(".sd-download-json a, .sd-download-json button").first.click()
     result = json.loads(Path(download.value.path()).read_text())
     expect(page.locator(".sd-answer .answer")).to_have_text(result["answer"])
+    expect(page.locator(".sd-robustness table")).to_contain_text("errors × 2", timeout=ANSWER_MS)
+    expect(page.locator(".sd-answer .answer")).to_have_text(result["answer"])
     page.locator(".sd-reveal button").click()
     expect(page.locator(".sd-truth")).to_contain_text("The truth", timeout=LONG_MS)
     assert not watched.complaints

@@ -235,7 +235,7 @@ class ObservePage(Page):
 
     def _try_others(self) -> None:
         """Ask what would change the answer, in the background: the answer does not wait for it."""
-        self.holds.object = ""
+        self.holds.write("")
         geometry = self.services.geometry(self.session.ensembles[0].config.stream)
         asked = trials(self.services, self.session.ensembles, self.reading, geometry, self.expected)
         self.trying.follow(self.services.work.ask(*asked))
@@ -250,8 +250,8 @@ class ObservePage(Page):
             return
         self.holds_status.text = ""
         self.outcome = replace(self.outcome, result=tried(self.outcome.result, task.result))
-        self.answer.object = answer_html(self.outcome.result)
-        self.holds.object = robustness_html(self.outcome.result)
+        self.answer.write(answer_html(self.outcome.result))
+        self.holds.write(robustness_html(self.outcome.result))
 
     def _reveal(self) -> None:
         known = json.loads(EXAMPLE_TRUTH.read_text(encoding="utf-8"))
