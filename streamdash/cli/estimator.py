@@ -50,11 +50,12 @@ def train_command(
     from dataclasses import replace
 
     from streamdash.inference.diagnostics import as_record, scores
-    from streamdash.inference.estimator import Estimator, Training
+    from streamdash.inference.estimator import Estimator
     from streamdash.inference.files import HELD_OUT as FOLDER
     from streamdash.inference.files import save
     from streamdash.inference.held_out import HeldOut
     from streamdash.inference.prior_ensemble import PriorEnsemble, default_design
+    from streamdash.inference.training import Training
 
     if not output.absolute().parent.is_dir():
         raise InputError(f"The folder of {output} does not exist; make it first.")

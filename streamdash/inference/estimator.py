@@ -12,14 +12,13 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from pydantic import Field
 from threadpoolctl import threadpool_limits
 
-from streamdash.config import ENGINE_VERSION, Config, StreamModel
+from streamdash.config import ENGINE_VERSION, StreamModel
 from streamdash.inference.calibration import calibrated, curve_of
 from streamdash.inference.cells import AGE, all_conditions, cell_of, conditions, grid_of, reflected, unit
 from streamdash.inference.diagnostics import marginals, ranks
@@ -27,16 +26,14 @@ from streamdash.inference.network import Network, train
 from streamdash.inference.nonsense import Critic, alternatives
 from streamdash.inference.posterior import Posterior
 from streamdash.inference.prior_ensemble import PriorEnsemble, noise_factors, observed
+from streamdash.inference.training import Training, split_streams
 from streamdash.prior import Prior
-from streamdash.statistics.features import FeatureMap, FeatureSet
+from streamdash.statistics.features import FeatureMap
 from streamdash.store.cache import Cache
 from streamdash.survey.design import Design
-from streamdash.validation import Finite
 
 CLIP = 6.0
 """Features further from their mean than so many standard deviations count as that far."""
-COPIES = 8
-"""Draws of the noise of every training stream."""
 STRANGE = 0.99
 """A profile is strange if it looks less like a perturbed stream than this share of them does."""
 FEATURELESS = 0.5
@@ -44,40 +41,6 @@ FEATURELESS = 0.5
 POWERS = np.round(np.arange(0.7, 1.51, 0.02), 2)
 
 Progress = Callable[[int, int], None]
-
-
-class Training(Config):
-    """How an estimator is trained."""
-
-    members: int = Field(5, ge=1, le=20, description="networks whose mean is taken")
-    max_epochs: int = Field(40, ge=1, le=1000, description="passes over the training streams")
-    alpha: Finite = Field(0.1, ge=0, description="penalty on large weights")
-    blur: Finite = Field(
-        0.025, ge=0, le=0.2, description="parameters are learnt with this error, as a share of their range"
-    )
-    copies: int = Field(COPIES, ge=1, le=50, description="draws of the noise of every training stream")
-    seed: int = Field(0, ge=0, description="of split, noise and networks")
-    features: FeatureSet = FeatureSet()
-    told: tuple[Literal["noise", "age"], ...] = Field(
-        (),
-        description="nuisances that can be fixed when it is asked: it is told the size of the errors, "
-        "and infers the age with the rest",
-    )
-
-
-class Split(NamedTuple):
-    """Numbers of the streams for training, validation and test."""
-
-    train: np.ndarray
-    validation: np.ndarray
-    test: np.ndarray
-
-
-def split_streams(n: int, seed: int = 0) -> Split:
-    """Share out streams: 80 % for training, 10 % for validation, 10 % for test; none is in two."""
-    order = np.random.default_rng([seed, n]).permutation(n)
-    first, second = int(0.8 * n), int(0.9 * n)
-    return Split(np.sort(order[:first]), np.sort(order[first:second]), np.sort(order[second:]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from streamdash.inference.cells import AGE
-from streamdash.inference.estimator import Estimator, split_streams
+from streamdash.inference.estimator import Estimator
 from streamdash.inference.files import (
     DEFAULT_PRIOR,
     HELD_OUT,
@@ -22,6 +22,7 @@ from streamdash.inference.files import (
     shipped_path,
 )
 from streamdash.inference.prior_ensemble import PriorEnsemble, observed
+from streamdash.inference.training import split_streams
 from streamdash.store.cache import Cache
 from streamdash.store.entry import write_file
 

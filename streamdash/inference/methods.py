@@ -12,10 +12,11 @@ import pandas as pd
 from streamdash.inference.abc import Abc, largest_scales
 from streamdash.inference.cells import cell_of
 from streamdash.inference.diagnostics import Score, score
-from streamdash.inference.estimator import Estimator, Training, split_streams
+from streamdash.inference.estimator import Estimator
 from streamdash.inference.files import SHIPPED
 from streamdash.inference.network import train
 from streamdash.inference.prior_ensemble import PriorEnsemble, observed
+from streamdash.inference.training import Training, split_streams
 from streamdash.statistics.features import FeatureSet
 
 Progress = Callable[[int, int], None]

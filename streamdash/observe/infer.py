@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from streamdash.config import ConfigError, StreamModel
-from streamdash.inference.estimator import STRANGE, Estimator, Training, estimator_key
+from streamdash.inference.estimator import STRANGE, Estimator, estimator_key
 from streamdash.inference.files import (
     DEFAULT_PRIOR,
     EstimatorFileError,
@@ -23,6 +23,7 @@ from streamdash.inference.files import (
 from streamdash.inference.held_out import HeldOut, keep_streams, kept_streams
 from streamdash.inference.posterior import Posterior
 from streamdash.inference.prior_ensemble import PriorEnsemble
+from streamdash.inference.training import Training
 from streamdash.inference.words import sentences
 from streamdash.observe.guess import assume
 from streamdash.observe.observation import Observation, interpret

@@ -10,14 +10,13 @@ from typing import Any
 
 import holoviews as hv
 import numpy as np
-from markupsafe import Markup
 
 from streamdash.inference.posterior import Posterior
 from streamdash.observe.infer import Inference
 from streamdash.plots import observe
 from streamdash.plots.elements import framed
-from streamdash.plots.live import export, use
-from streamdash.plots.report_html import TEMPLATES
+from streamdash.plots.live import use
+from streamdash.plots.report_html import TEMPLATES, inline_svg
 from streamdash.plots.style import INK
 
 LABELS = {
@@ -35,11 +34,11 @@ def infer_html(found: Inference) -> str:
     """The whole report: the answer, the profile, every parameter's posterior, and what it rests on."""
     result = found.report()
     post = found.posterior
-    figures = {name: _svg(draw_marginal(post, name)) for name in post.names}
+    figures = {name: inline_svg(draw_marginal(post, name)) for name in post.names}
     return TEMPLATES.get_template("infer.html").render(
         result=result,
         labels=LABELS,
-        profile=_svg(observe.draw(found.observation, None, "matplotlib")),
+        profile=inline_svg(observe.draw(found.observation, None, "matplotlib")),
         figures=figures,
         held_out=_held_out(found.estimator.card),
         data=json.dumps(result, indent=1, ensure_ascii=False),
@@ -64,11 +63,6 @@ def draw_marginal(post: Posterior, name: str) -> hv.Overlay:
     top = 1.1 * max(float(density.max()), flat)
     x_range = (float(edges[0]), float(edges[-1]))
     return framed(parts, LABELS[name], "probability density", x_range, (0, top), "matplotlib")
-
-
-def _svg(figure: hv.Overlay) -> Markup:
-    svg = export(figure, "svg").decode()
-    return Markup(svg[svg.index("<svg") :])  # noqa: S704 - Matplotlib escapes what it writes
 
 
 def _held_out(card: Any) -> dict[str, dict[str, float]]:

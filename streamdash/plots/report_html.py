@@ -62,12 +62,17 @@ def report_html(result: dict[str, Any], observation: Observation, bands: np.ndar
     observation : what it is about
     bands : from `streamdash.observe.verdict.Prepared.bands`
     """
-    svg = export(observe.draw(observation, bands, "matplotlib"), "svg").decode()
     return TEMPLATES.get_template("report.html").render(
         result=result,
-        figure=Markup(svg[svg.index("<svg") :]),  # noqa: S704 - Matplotlib escapes what it writes
+        figure=inline_svg(observe.draw(observation, bands, "matplotlib")),
         data=json.dumps(result, indent=1, ensure_ascii=False),
     )
+
+
+def inline_svg(figure: Any) -> Markup:
+    """A figure of Matplotlib's as an SVG element of a page."""
+    svg = export(figure, "svg").decode()
+    return Markup(svg[svg.index("<svg") :])  # noqa: S704 - Matplotlib escapes what it writes
 
 
 def result_tables(result: dict[str, Any]) -> Markup:

@@ -10,11 +10,12 @@ from streamdash.inference import estimator as module
 from streamdash.inference.abc import Abc
 from streamdash.inference.cells import cell_of
 from streamdash.inference.diagnostics import bits, coverage, joint_bits, ranks, scores, tarp
-from streamdash.inference.estimator import Estimator, Training, split_streams
+from streamdash.inference.estimator import Estimator
 from streamdash.inference.files import EstimatorFileError, load, save
 from streamdash.inference.nonsense import alternatives, scrambled
 from streamdash.inference.posterior import make_grid
 from streamdash.inference.prior_ensemble import configs, observed
+from streamdash.inference.training import Training, split_streams
 from streamdash.prior import RATE, Prior
 from streamdash.survey.design import Design
 
