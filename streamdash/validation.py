@@ -63,6 +63,8 @@ def _sentence(error: ValidationError) -> str:
     field = field or "configuration"
     message = first["msg"].removeprefix("Value error, ")
     value = repr(first.get("input"))
-    told = first["loc"] and not isinstance(first.get("input"), tuple)  # models one by one: nobody typed that
+    given = first.get("input")
+    models = isinstance(given, tuple) and any(isinstance(item, Config) for item in given)
+    told = first["loc"] and not models  # nobody typed those
     shown = f" (got {value if len(value) <= 60 else value[:57] + '...'})" if told else ""
     return f"{field}: {message[0].lower() + message[1:]}{shown}."
