@@ -23,6 +23,9 @@ from streamdash.cli.common import (
 )
 
 if TYPE_CHECKING:
+    import xarray as xr
+
+    from streamdash.config import Config
     from streamdash.store.cache import Cache, Entry
 
 cache_app = typer.Typer(cls=OneSentence, no_args_is_help=True, help="What is in the cache.")
@@ -204,10 +207,16 @@ def import_command(
     cache: CacheOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Take an exported entry into the cache, after checking all of it."""
+    """Take an exported entry into the cache, after checking all of it; a geometry against its model."""
+    from streamdash.config import StreamModel
+    from streamdash.simulation.geometry import check_geometry
     from streamdash.store.bundle import import_entry
 
-    entry = import_entry(make_cache(cache), source, int(max_mb * 1e6))
+    def compare(config: Config, dataset: xr.Dataset) -> None:
+        if isinstance(config, StreamModel):
+            check_geometry(config, dataset)
+
+    entry = import_entry(make_cache(cache), source, int(max_mb * 1e6), compare)
     if as_json:
         print_json(_as_dict(entry))
     else:

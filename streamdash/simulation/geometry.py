@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import threading
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -12,11 +13,17 @@ import xarray as xr
 from streamdash.config import StreamModel
 from streamdash.engine.galpy_streams import Nodes, StreamError, time_unit_gyr, timed_part
 from streamdash.engine.geometry import Geometry, unbuildable
-from streamdash.simulation.workers import WorkerError, results
+from streamdash.simulation.workers import WorkerError, kill_workers, results
 from streamdash.store.cache import BusyError, Cache, StoreError
 from streamdash.store.parts import GeometryWriter
 
 BUSY_POLL_S = 0.5
+CHECKED_TIMES = 2
+"""Impact times of a geometry from elsewhere that are computed anew."""
+CHECK_TOLERANCE = 1e-3
+"""Largest difference from them, relative to the largest number of its kind; processors differ by 10⁻⁶."""
+CHECK_S = 600.0
+"""Longest that this may take."""
 
 
 def load_geometry(
@@ -163,3 +170,48 @@ def compute_geometry(
 def _pad(values: np.ndarray, length: int) -> np.ndarray:
     padding = [(0, length - len(values))] + [(0, 0)] * (values.ndim - 1)
     return np.pad(values, padding, constant_values=np.nan)
+
+
+def check_geometry(stream: StreamModel, dataset: xr.Dataset) -> None:
+    """Compare a geometry from elsewhere with what galpy says of its model today.
+
+    The smooth stream and `CHECKED_TIMES` impact times, drawn at random, are computed anew.
+
+    Raises
+    ------
+    ValueError
+        When they differ by more than `CHECK_TOLERANCE` of their size, or a number is missing; in one
+        sentence. Also when galpy cannot build the stream, or needs more than `CHECK_S`.
+    """
+    geometry = Geometry.from_dataset(dataset, stream)
+    times = np.array(stream.impact_times_gyr) / time_unit_gyr()
+    _check_alike("times", geometry.times, times)
+    drawn = np.random.default_rng().permutation(len(times))[:CHECKED_TIMES]
+    pieces: list[tuple] = [(stream, None), *((stream, int(k)) for k in drawn)]
+    patience = threading.Timer(CHECK_S, kill_workers)
+    patience.start()
+    try:
+        for k, fresh, _ in results(timed_part, pieces):
+            if k is None:
+                for name, value in fresh.items():
+                    _check_alike(name, getattr(geometry, name), value)
+                continue
+            for field in Nodes._fields:
+                theirs, ours = getattr(geometry, f"node_{field}")[k], getattr(fresh, field)
+                _check_alike(f"node_{field}", theirs[: len(ours)], ours)
+    except WorkerError as error:
+        raise ValueError(
+            f"its geometry could not be compared with its model within {CHECK_S:.0f} s"
+        ) from error
+    except (IndexError, FloatingPointError, np.linalg.LinAlgError, RuntimeError) as error:
+        raise unbuildable(error) from error
+    finally:
+        patience.cancel()
+
+
+def _check_alike(name: str, theirs: Any, ours: Any) -> None:
+    theirs, ours = np.asarray(theirs, float), np.asarray(ours, float)
+    if theirs.shape != ours.shape or not np.allclose(
+        theirs, ours, rtol=0, atol=CHECK_TOLERANCE * float(np.abs(ours).max(initial=0.0)), equal_nan=True
+    ):
+        raise ValueError(f"{name} of its geometry is not that of its model, computed anew")

@@ -140,11 +140,16 @@ def _end_workers_at_exit() -> None:
 
     def end() -> None:
         _ending.set()
-        get_reusable_executor(reuse=True).shutdown(wait=False, kill_workers=True)
+        kill_workers()
 
     register = getattr(threading, "_register_atexit", None)
     if register is not None:
         register(end)
+
+
+def kill_workers() -> None:
+    """End the worker processes that all computations of this process share; what they compute is lost."""
+    get_reusable_executor(reuse=True).shutdown(wait=False, kill_workers=True)
 
 
 @contextlib.contextmanager

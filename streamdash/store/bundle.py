@@ -9,10 +9,12 @@ with what its configuration says it must be.
 from __future__ import annotations
 
 import json
+import math
 import os
+import re
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +52,15 @@ MODEL_BYTES, METADATA_BYTES = 50_000_000, 1_000_000
 """Largest manifest.json or config.json, and largest zarr.json, accepted."""
 VALUES_MAX = 20_000_000
 """Most numbers in all arrays of a geometry or of spectra that are imported."""
+WORD, PLAIN = r"[A-Za-z_][A-Za-z0-9_]{0,39}", r"[ -~]{0,80}"
+RECORD = {
+    "code_version": r"[A-Za-z0-9.+_-]{1,64}",
+    "created": r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,6})?(\+00:00|Z)",
+    "updated": r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,6})?(\+00:00|Z)",
+}
+"""How our own manifests put what is shown of them."""
+NAN = "AAAAAAAA+H8="
+"""Not a number, as xarray writes it down for the missing values of an array."""
 
 
 def export_entry(cache: Cache, name: str, target: Path) -> Entry:
@@ -84,12 +95,20 @@ def export_entry(cache: Cache, name: str, target: Path) -> Entry:
     return entry
 
 
-def import_entry(cache: Cache, source: Path, limit: int = LIMIT) -> Entry:
-    """Take the entry that a file holds into the cache.
+def import_entry(
+    cache: Cache,
+    source: Path,
+    limit: int = LIMIT,
+    compare: Callable[[Config, xr.Dataset], None] | None = None,
+) -> Entry:
+    """Take the entry that a file holds into the cache; nothing is written before all of it is checked.
 
     Parameters
     ----------
     limit : largest file accepted, in bytes.
+    compare : callable (config, dataset), optional
+        Asked at last, for geometries and spectra; raises `ValueError`, in a sentence, when they are not what
+        their configuration gives: `streamdash.simulation.geometry.check_geometry` for geometries.
 
     Raises
     ------
@@ -100,7 +119,10 @@ def import_entry(cache: Cache, source: Path, limit: int = LIMIT) -> Entry:
     try:
         manifest, config, files = _read(source, limit)
         kind = next(kind for kind, name in FORMATS.items() if name == manifest.format)
-        _check_content(config, manifest, files)
+        _check_record(manifest)
+        dataset = _check_content(config, manifest, files)
+        if dataset is not None and compare is not None:
+            _compare(compare, config, dataset)
     except (OSError, zipfile.BadZipFile, NotImplementedError) as error:
         raise StoreError(f"{source} cannot be read as an exported entry ({error}).") from None
     except (StoreError, ConfigError) as error:
@@ -194,16 +216,37 @@ def _shown(text: str) -> str:
 # ---------------------------------------------------------------- believing
 
 
-def _check_content(config: Any, manifest: Manifest, files: Mapping[str, bytes]) -> None:
-    """Decode everything, within known sizes, and compare it with what the configuration says."""
+def _check_record(manifest: Manifest) -> None:
+    """Refuse what an entry says of itself in other words than ours: it is shown on terminals."""
+    for name, pattern in RECORD.items():
+        if re.fullmatch(pattern, getattr(manifest, name)) is None:
+            raise StoreError(
+                f"manifest.json: {name} is {_shown(getattr(manifest, name))}, which no export says"
+            )
+    if any(re.fullmatch(PLAIN, word) is None for pair in manifest.precision.items() for word in pair):
+        raise StoreError("manifest.json: precision holds what no export says")
+
+
+def _compare(compare: Callable[[Config, xr.Dataset], None], config: Config, dataset: xr.Dataset) -> None:
+    try:
+        compare(config, dataset)
+    except ValueError as error:
+        raise StoreError(str(error)) from None
+
+
+def _check_content(config: Any, manifest: Manifest, files: Mapping[str, bytes]) -> xr.Dataset | None:
+    """Decode everything, within known sizes, and compare it with what the configuration says.
+
+    What geometries and spectra hold is returned.
+    """
     try:
         if isinstance(config, EnsembleConfig):
             _check_ensemble(config, manifest, files)
-        else:
-            _check_arrays(files)
+            return None
+        return _check_arrays(manifest, files)
     except StoreError:
         raise
-    except (ValueError, TypeError, KeyError, RuntimeError, OverflowError, MemoryError) as error:
+    except Exception as error:  # whatever the libraries make of hostile bytes
         raise StoreError(f"its data cannot be decoded ({type(error).__name__})") from None
 
 
@@ -236,39 +279,85 @@ def _check_ensemble(config: EnsembleConfig, manifest: Manifest, files: Mapping[s
         raise StoreError("its profiles are not finite, or not on the angles of its configuration")
 
 
-def _check_arrays(files: Mapping[str, bytes]) -> None:
-    """Arrays of plain numbers, each in one Blosc chunk of the size that its metadata announce."""
+def _check_arrays(manifest: Manifest, files: Mapping[str, bytes]) -> xr.Dataset:
+    """Arrays of plain numbers, each in one chunk of the size that its metadata announce, and nothing else."""
+    if manifest.chunks:
+        raise StoreError("its manifest.json lists chunks, which only ensembles have")
+    names = {name.partition("/")[0] for name in files} - {"zarr.json"}
+    wanted = {"zarr.json"}
+    _check_group(json.loads(files.get("zarr.json", b"{}")))
     announced = 0
-    for name, data in files.items():
-        if not name.endswith("zarr.json"):
-            continue
-        about = json.loads(data)
-        if about.get("node_type") != "array":
-            continue
-        shape, dtype = about["shape"], np.dtype(about["data_type"])
-        if dtype.kind not in "fiub" or len(shape) > 4 or any(type(n) is not int or n < 0 for n in shape):
-            raise StoreError(f"{DATA}/{name} describes something other than plain numbers")
-        size = int(np.prod(shape, dtype=object))
+    for name in sorted(names):
+        if re.fullmatch(WORD, name) is None or f"{name}/zarr.json" not in files:
+            raise StoreError(f"{DATA}/{_shown(name)} is no array")
+        about = json.loads(files[f"{name}/zarr.json"])
+        shape, dtype = _check_metadata(name, about)
+        size = math.prod(shape)
         announced += size
-        codecs = [codec["name"] for codec in about["codecs"]]
-        chunk = about["chunk_grid"]["configuration"]["chunk_shape"]
-        if size > VALUES_MAX or announced > VALUES_MAX:
-            raise StoreError(f"{DATA}/{name} announces {size} numbers, too many")
-        if codecs not in (["bytes", "blosc"], ["bytes", "zstd"], ["bytes"]) or chunk != shape:
-            raise StoreError(f"{DATA}/{name} uses an encoding that exports do not have")
-        folder = name.removesuffix("zarr.json") + "c"
-        for other, packed in files.items():
-            if other == folder or other.startswith(f"{folder}/"):
-                unpack = {"blosc": _unpacked_blosc, "zstd": _unpacked_zstd}.get(codecs[-1])
-                if unpack is not None:
-                    unpack(packed, size * dtype.itemsize)
-    decode(files)
+        if announced > VALUES_MAX:
+            raise StoreError(f"its arrays announce {announced} numbers, too many")
+        chunk = "/".join([name, "c", *("0" for _ in shape)])
+        wanted |= {f"{name}/zarr.json", chunk}
+        if chunk not in files:
+            raise StoreError(f"{DATA}/{chunk} is missing")
+        packed, unpacked = files[chunk], size * dtype.itemsize
+        match about["codecs"][-1]["name"]:
+            case "blosc":
+                _unpacked_blosc(packed, unpacked)
+            case "zstd":
+                _unpacked_zstd(packed, unpacked)
+            case _ if len(packed) != unpacked:
+                raise StoreError(f"{DATA}/{chunk} has {len(packed)} bytes, not {unpacked}")
+    if set(files) != wanted:
+        raise StoreError(f"{DATA}/{_shown(min(set(files) ^ wanted))} belongs to none of its arrays")
+    return decode(files)
+
+
+def _check_group(about: Any) -> None:
+    """A group that says nothing but a few numbers."""
+    sound = about.get("node_type") == "group" and set(about) <= {
+        "attributes", "zarr_format", "node_type", "consolidated_metadata"
+    }  # fmt: skip
+    attributes = about.get("attributes", {})
+    if not sound or about.get("consolidated_metadata") or len(attributes) > 50:
+        raise StoreError(f"{DATA}/zarr.json is not that of an export")
+    for name, value in attributes.items():
+        number = type(value) in (int, float) and math.isfinite(value)
+        if re.fullmatch(WORD, name) is None or not number:
+            raise StoreError(f"{DATA}/zarr.json: {_shown(name)} is not a finite number")
+
+
+def _check_metadata(name: str, about: Any) -> tuple[list[int], np.dtype]:
+    """Shape and type of an array whose numbers are what they seem: not scaled, masked or of other names."""
+    shape, dtype = about["shape"], np.dtype(about["data_type"])
+    if dtype.kind not in "fiub" or len(shape) > 4 or any(type(n) is not int or n < 0 for n in shape):
+        raise StoreError(f"{DATA}/{name}/zarr.json describes something other than plain numbers")
+    if math.prod(shape) > VALUES_MAX:
+        raise StoreError(f"{DATA}/{name} announces {math.prod(shape)} numbers, too many")
+    codecs = [codec["name"] for codec in about["codecs"]]
+    chunk = about["chunk_grid"]["configuration"]["chunk_shape"]
+    key = about.get("chunk_key_encoding", {"name": "default"})
+    plain_key = key["name"] == "default" and key.get("configuration", {}).get("separator", "/") == "/"
+    if (
+        codecs not in (["bytes", "blosc"], ["bytes", "zstd"], ["bytes"])
+        or chunk != shape
+        or not plain_key
+        or about.get("storage_transformers")
+    ):
+        raise StoreError(f"{DATA}/{name}/zarr.json uses an encoding that exports do not have")
+    attributes = about.get("attributes", {})
+    if not set(attributes) <= {"_FillValue"} or attributes.get("_FillValue", NAN) != NAN:
+        raise StoreError(f"{DATA}/{name}/zarr.json has attributes that change its numbers")
+    dimensions = about.get("dimension_names") or []
+    if any(type(word) is not str or re.fullmatch(WORD, word) is None for word in dimensions):
+        raise StoreError(f"{DATA}/{name}/zarr.json names dimensions as exports do not")
+    return shape, dtype
 
 
 def _unpacked_blosc(data: bytes, size: int) -> None:
     """Refuse what does not unpack to exactly `size` bytes; no more than these are ever allocated."""
     announced = int.from_bytes(data[4:8], "little") if len(data) >= 16 else -1
-    if announced != size:
+    if announced != size or int.from_bytes(data[12:16], "little") != len(data):
         raise StoreError("a chunk does not unpack to the size that its configuration says")
     blosc.decompress(data, np.empty(size, dtype="uint8"))
 

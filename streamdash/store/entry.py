@@ -55,7 +55,7 @@ KINDS: dict[str, Literal["ensemble", "geometry", "spectra"]] = {
 """What one entry of each kind is called."""
 
 
-FileName = Annotated[str, Field(pattern=r"^\w[\w.]*(/\w[\w.]*)*$")]
+FileName = Annotated[str, Field(pattern=r"^\w[\w.]*(/\w[\w.]*)*$", max_length=120)]
 """Name of a file inside the Zarr group: it cannot lead out of it."""
 
 
@@ -384,11 +384,15 @@ def create(path: Path, config: Config, manifest: Manifest, files: Mapping[str, b
     aside = path.with_name(f".new-{path.name}")
     if aside.exists():  # of a process that was killed here
         shutil.rmtree(aside)
-    for name, data in files.items():
-        write_file(aside / DATA / name, data)
-    write_model(aside / "config.json", config)
-    write_model(aside / "manifest.json", manifest)
-    aside.replace(path)
+    try:
+        for name, data in files.items():
+            write_file(aside / DATA / name, data)
+        write_model(aside / "config.json", config)
+        write_model(aside / "manifest.json", manifest)
+        aside.replace(path)
+    except BaseException:
+        shutil.rmtree(aside, ignore_errors=True)
+        raise
 
 
 def set_aside(path: Path) -> None:

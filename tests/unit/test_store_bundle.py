@@ -13,8 +13,10 @@ from typer.testing import CliRunner
 
 from streamdash.cli.main import app
 from streamdash.config import StreamModel
+from streamdash.simulation.geometry import check_geometry
 from streamdash.store.bundle import export_entry, import_entry
 from streamdash.store.cache import Cache, StoreError
+from streamdash.store.codec import decode, encode_dataset
 from streamdash.store.entry import sha256
 
 
@@ -178,6 +180,138 @@ def test_geometries_with_strange_arrays_are_refused(shipped_cache, elsewhere, tm
     changed = {name: json.dumps({**json.loads(files[name]), **changes}).encode()}
     sentence = refused(elsewhere, pack(tmp_path / "evil.zip", resigned(files, changed)))
     assert any(word in sentence for word in words.split("|"))
+
+
+@pytest.fixture
+def geometry_files(shipped_cache, tmp_path) -> dict[str, bytes]:
+    """The files of an exported geometry."""
+    export_entry(Cache.default(shipped_cache), StreamModel().key, tmp_path / "geometry.zip")
+    return contents(tmp_path / "geometry.zip")
+
+
+def listing(files: dict[str, bytes], more: dict[str, bytes], **says) -> dict[str, bytes]:
+    """An archive with more files, all of them listed with checksums that fit, and another manifest."""
+    manifest = {**json.loads(files["manifest.json"]), **says}
+    manifest["header"] |= {name.removeprefix("data.zarr/"): sha256(data) for name, data in more.items()}
+    return {**files, **more, "manifest.json": json.dumps(manifest).encode()}
+
+
+ARRAY = "data.zarr/node_xv/zarr.json"
+
+
+@pytest.mark.parametrize(
+    "attributes",
+    [
+        {"_FillValue": "%%%"},
+        {"_FillValue": {"a": [1]}},
+        {"_FillValue": 3},
+        {"scale_factor": 2.0},
+        {"add_offset": 1.0},
+        {"units": "days since 1970-01-01"},
+        {"dtype": "object"},
+        {"coordinates": "\u001b[2J"},
+    ],
+    ids=str,
+)
+def test_attributes_that_change_numbers_are_refused(geometry_files, elsewhere, tmp_path, attributes):
+    about = json.loads(geometry_files[ARRAY])
+    about["attributes"] |= attributes
+    evil = resigned(geometry_files, {ARRAY: json.dumps(about).encode()})
+    assert "attributes that change its numbers" in refused(elsewhere, pack(tmp_path / "evil.zip", evil))
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("data.zarr/zarr.json/x", "is no array"),
+        ("data.zarr/" + "n" * 100 + "/zarr.json", "is no array"),
+        ("data.zarr/" + "n" * 300, "header"),
+        ("data.zarr/unneeded", "is no array"),
+        ("data.zarr/node_xv/c/9/9/9", "belongs to none of its arrays"),
+        ("data.zarr/node_xv/zarr.json.bak", "belongs to none of its arrays"),
+    ],
+    ids=["file as folder", "long", "longer", "unneeded", "chunk", "beside"],
+)
+def test_listed_files_that_nothing_needs_are_refused(geometry_files, elsewhere, tmp_path, name, words):
+    evil = listing(geometry_files, {name: b"x"})
+    if name == "data.zarr/zarr.json/x":
+        del evil["data.zarr/zarr.json"]
+        manifest = json.loads(evil["manifest.json"])
+        del manifest["header"]["zarr.json"]
+        evil["manifest.json"] = json.dumps(manifest).encode()
+        words = "is not that of an export"
+    assert words in refused(elsewhere, pack(tmp_path / "evil.zip", evil))
+
+
+@pytest.mark.parametrize("field", ["updated", "created", "code_version"])
+@pytest.mark.parametrize("value", ["\x1b]0;owned\x07", "\x1b[31mred", "yesterday\n", "x" * 500])
+def test_what_a_manifest_says_of_itself_reaches_no_terminal(exported, elsewhere, tmp_path, field, value):
+    sentence = refused(
+        elsewhere, pack(tmp_path / "evil.zip", listing(contents(exported), {}, **{field: value}))
+    )
+    assert f"manifest.json: {field} is" in sentence and sentence.isprintable()
+
+
+def test_a_group_says_numbers_only(geometry_files, elsewhere, tmp_path):
+    about = json.loads(geometry_files["data.zarr/zarr.json"])
+    about["attributes"]["evil"] = "\x1b[2J"
+    evil = resigned(geometry_files, {"data.zarr/zarr.json": json.dumps(about).encode()})
+    assert "'evil' is not a finite number" in refused(elsewhere, pack(tmp_path / "evil.zip", evil))
+
+
+def test_a_chunk_has_nothing_behind_it(geometry_files, elsewhere, tmp_path):
+    name = "data.zarr/node_theta/c/0/0"
+    evil = resigned(geometry_files, {name: geometry_files[name] + b"more"})
+    assert "does not unpack to the size" in refused(elsewhere, pack(tmp_path / "evil.zip", evil))
+
+
+def test_a_disk_that_is_full_leaves_nothing_of_an_import(exported, elsewhere, monkeypatch):
+    from streamdash.store import entry
+
+    written = []
+
+    def full(path, data, write=entry.write_file):
+        written.append(path)
+        if len(written) > 3:
+            raise OSError(28, "No space left on device")
+        write(path, data)
+
+    monkeypatch.setattr(entry, "write_file", full)
+    assert "the disk is full" in refused(elsewhere, exported)
+
+
+SMALL = StreamModel(n_times=2)
+
+
+@pytest.fixture(scope="module")
+def small_geometry(tmp_path_factory) -> dict[str, bytes]:
+    """Files of an exported geometry that galpy has just computed."""
+    from streamdash.simulation.geometry import load_geometry
+
+    folder = tmp_path_factory.mktemp("small")
+    cache = Cache.default(folder / "cache")
+    load_geometry(SMALL, cache, executor="inline")
+    export_entry(cache, SMALL.key, folder / "small.zip")
+    return contents(folder / "small.zip")
+
+
+@pytest.mark.parametrize("name", ["", "node_xv", "node_jac", "track_dist", "mean_omega"])
+def test_a_geometry_is_compared_with_its_model(small_geometry, elsewhere, tmp_path, name):
+    files = dict(small_geometry)
+    if name:  # twice as large, encoded as ours are, with checksums that fit
+        dataset = decode({n.removeprefix("data.zarr/"): d for n, d in files.items() if n.startswith("data")})
+        if name in dataset:
+            dataset[name] = 2 * dataset[name]
+        else:
+            dataset.attrs[name] *= 2
+        changed = {f"data.zarr/{inside}": data for inside, data in encode_dataset(dataset).items()}
+        files = resigned(files, changed)
+    path = pack(tmp_path / "geometry.zip", files)
+    if name:
+        sentence = refused(elsewhere, path, compare=check_geometry)
+        assert f"{name} of its geometry is not that of its model" in sentence
+    else:
+        assert import_entry(elsewhere, path, compare=check_geometry).state == "complete"
 
 
 def test_values_that_no_simulation_gives_are_refused(toy, exported, elsewhere, tmp_path):
