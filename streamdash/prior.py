@@ -44,7 +44,7 @@ class Prior(Config):
     ('log10_rate',)
     >>> Prior(log10_rate=(1, -1))
     Traceback (most recent call last):
-    streamdash.validation.ConfigError: log10_rate: the lower end must come first.
+    streamdash.validation.ConfigError: log10_rate: the lower end must come first (got (1, -1)).
     """
 
     mass_range: tuple[Finite, Finite] = Field((1e6, 1e9), description="masses of the subhalos, M☉")
