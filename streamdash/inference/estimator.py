@@ -124,6 +124,7 @@ class Estimator:
         steps = copies_in_all + training.members * training.max_epochs * len(grid)
         count = _Counter(progress, steps)
         told = "noise" in training.told
+        penalty = training.penalty(len(split.train))
 
         def drawn(part: np.ndarray, make: Callable[..., np.ndarray] = observed) -> _Seen:
             # What the networks see does not depend on what the critic is shown.
@@ -145,7 +146,7 @@ class Estimator:
         held = scaled(drawn(split.validation))
         wrong = [scaled(drawn(split.train, alternatives)) for _ in range(2)]
         wrong_held = scaled(drawn(split.validation, alternatives))
-        critic = Critic.learn(copies, wrong, held, wrong_held, training.seed, training.alpha)
+        critic = Critic.learn(copies, wrong, held, wrong_held, training.seed, penalty)
 
         def blurred(name: str) -> np.ndarray:
             # Streams near each other in a parameter hardly differ: their cells are learnt together.
@@ -177,7 +178,7 @@ class Estimator:
                     len(grid[name]) - 1,
                     1000 * training.seed + 10 * j + member,
                     training.max_epochs,
-                    training.alpha,
+                    penalty,
                     lambda done, _all: count.step(),
                 )
                 members.append(network)

@@ -14,13 +14,18 @@ from streamdash.validation import Finite
 COPIES = 8
 """Draws of the noise of every training stream."""
 
+PENALTY_STREAMS = 32_000
+"""A penalty is a prior of the weights: of twice as many streams the mean loss feels half of it."""
+
 
 class Training(Config):
     """How an estimator is trained."""
 
     members: int = Field(5, ge=1, le=20, description="networks whose mean is taken")
     max_epochs: int = Field(40, ge=1, le=1000, description="passes over the training streams")
-    alpha: Finite = Field(0.1, ge=0, description="penalty on large weights")
+    alpha: Finite = Field(
+        0.4, ge=0, description="penalty on large weights, for as many training streams as PENALTY_STREAMS"
+    )
     blur: Finite = Field(
         0.025, ge=0, le=0.2, description="parameters are learnt with this error, as a share of their range"
     )
@@ -32,6 +37,10 @@ class Training(Config):
         description="nuisances that can be fixed when it is asked: it is told the size of the errors, "
         "and infers the age with the rest",
     )
+
+    def penalty(self, n_streams: int) -> float:
+        """`alpha` for networks that learn from so many streams."""
+        return self.alpha * PENALTY_STREAMS / n_streams
 
 
 class Split(NamedTuple):

@@ -101,6 +101,7 @@ def result_of(fixed: float, free: float | None) -> dict:
         "quality": quality,
         "detected": True,
         "resembles": True,
+        "hangs_on": {"kind": "", "p": 1.0},
     }
 
 
