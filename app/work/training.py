@@ -9,6 +9,7 @@ from typing import Any
 from app.services.services import Services
 from app.session.session import Session
 from app.work.tasks import Compute
+from streamdash.classifier.abundance import FreeAbundance, learn_free
 from streamdash.classifier.data import check_classes
 from streamdash.classifier.model import PRESETS, ClassifierConfig
 from streamdash.classifier.store import ModelFileError, ModelStore
@@ -101,6 +102,25 @@ def train_task(
         return judged
 
     return ("classifier", *_key(session, noise, settings)), compute
+
+
+def free_task(services: Services, session: Session, fixed: Judged) -> tuple[Hashable, Compute]:
+    """Key and computation of what changes if the abundance of the chosen classes is free."""
+    configs = streams_of(services, session).configs
+    noise, settings = session.noise, settings_of(session)
+
+    def compute(progress, should_stop) -> FreeAbundance | None:
+        return learn_free(
+            services.cache,
+            configs,
+            fixed,
+            noise=noise,
+            settings=settings,
+            progress=progress,
+            should_stop=should_stop,
+        )
+
+    return ("free", *_key(session, noise, settings)), compute
 
 
 def code_head(session: Session, *modules: str) -> str:

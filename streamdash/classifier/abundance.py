@@ -104,6 +104,8 @@ def learn_free(
 ) -> FreeAbundance | None:
     """Learn the classes with their abundance free; None where their streams are not in the cache.
 
+    Nor is there an answer where `fixed` sees other bins than those of `design`, as both arms together are.
+
     Parameters
     ----------
     classes : what `fixed` was trained on, in its order.
@@ -119,6 +121,8 @@ def learn_free(
     if not ensembles:
         return None
     streams = ObservedStreams.read(cache, ensembles, design)
+    if streams.n_bins != fixed.classifier.features.n_bins:
+        return None
     sigma = streams.design.sigma if noise is None else noise
     judged = train(streams, sigma, settings, progress, should_stop)
     said = fixed.classifier.predict_proba(streams.observed(sigma)[judged.rows])

@@ -57,7 +57,9 @@ def reflected(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return np.where(values < edges[0], 2 * edges[0] - values, values)
 
 
-def conditions(values: Mapping[str, np.ndarray], grid: Mapping[str, np.ndarray], names: list) -> np.ndarray:
+def conditions(
+    values: Mapping[str, np.ndarray], grid: Mapping[str, np.ndarray], names: list[str]
+) -> np.ndarray:
     """Parameters (n, n_names) from -1 to 1 over their ranges."""
     n = len(next(iter(values.values())))
     columns = [unit(values[name], grid[name]) for name in names]

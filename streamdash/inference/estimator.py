@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from threadpoolctl import threadpool_limits
 
 from streamdash.config import ENGINE_VERSION, StreamModel
 from streamdash.inference.calibration import calibrated, curve_of
@@ -26,7 +25,7 @@ from streamdash.inference.network import Network, train
 from streamdash.inference.nonsense import Critic, alternatives
 from streamdash.inference.posterior import Posterior
 from streamdash.inference.prior_ensemble import PriorEnsemble, noise_factors, observed
-from streamdash.inference.training import Training, split_streams
+from streamdash.inference.training import Training, one_thread, split_streams
 from streamdash.prior import Prior
 from streamdash.statistics.features import FeatureMap
 from streamdash.store.cache import Cache
@@ -105,7 +104,7 @@ class Estimator:
         return cls.learn(ensemble.prior, ensemble.stream, design, grid, clean, truth, training, progress)
 
     @classmethod
-    @threadpool_limits.wrap(limits=1)  # the matrices are small: more threads wait for each other
+    @one_thread
     def learn(
         cls,
         prior: Prior,
@@ -168,7 +167,7 @@ class Estimator:
             for member in range(training.members):
 
                 def epoch(
-                    number: int, member: int = member, inputs: list = inputs, name: str = name
+                    number: int, member: int = member, inputs: list[np.ndarray] = inputs, name: str = name
                 ) -> tuple[np.ndarray, np.ndarray]:
                     return inputs[(number + member) % len(inputs)], blurred(name)
 

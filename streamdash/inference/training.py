@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+import functools
+from collections.abc import Callable
+from typing import Literal, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 from pydantic import Field
+from threadpoolctl import threadpool_limits
 
 from streamdash.config import Config
 from streamdash.statistics.features import FeatureSet
 from streamdash.validation import Finite
 
+P = ParamSpec("P")
+T = TypeVar("T")
 COPIES = 8
 """Draws of the noise of every training stream."""
 
@@ -56,3 +61,14 @@ def split_streams(n: int, seed: int = 0) -> Split:
     order = np.random.default_rng([seed, n]).permutation(n)
     first, second = int(0.8 * n), int(0.9 * n)
     return Split(np.sort(order[:first]), np.sort(order[first:second]), np.sort(order[second:]))
+
+
+def one_thread(function: Callable[P, T]) -> Callable[P, T]:
+    """Run a function with one thread for its matrices: they are small, and more wait for each other."""
+
+    @functools.wraps(function)
+    def alone(*args: P.args, **kwargs: P.kwargs) -> T:
+        with threadpool_limits(1):
+            return function(*args, **kwargs)
+
+    return alone

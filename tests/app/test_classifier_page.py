@@ -32,7 +32,7 @@ def models(tmp_path_factory, monkeypatch):
 
 def settle(page) -> None:
     """Wait as the page's timer does until nothing is being computed."""
-    watches = [page.watch, *(study.watch for study in page.studies)]
+    watches = [page.watch, page.free_watch, *(study.watch for study in page.studies)]
 
     def look() -> bool:
         for watch in watches:
@@ -52,6 +52,7 @@ def test_page_trains_at_once_and_shows_the_matrix(open_shell):
     assert f"{counts[0, 0]}" in page.matrix[0].object.renderers[1].data_source.data["text"][0]
     assert "paper 0.98" in page.scores.object and "paper 0.99" in page.scores.object
     assert "1000 streams" in page.card._sentence.text
+    assert "Where the abundance is anywhere from 0.1 to 10 times" in page.abundance.text
 
 
 def test_the_choices_make_the_settings(open_shell):

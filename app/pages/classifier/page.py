@@ -14,9 +14,10 @@ from app.page import Page
 from app.pages.classifier.full_range import FullRange
 from app.pages.classifier.parts import STYLE, scores_html, studies_of
 from app.services.services import Unavailable
+from app.ui.browser import LiveText
 from app.ui.study import StudyCard, TaskControls
 from app.work.tasks import Task, Watch
-from app.work.training import choices_of, code_head, streams_of, training
+from app.work.training import choices_of, code_head, free_task, streams_of, training
 from streamdash.classifier.model import PRESETS
 from streamdash.classifier.train import Judged
 from streamdash.paper.full_range import shipped_results
@@ -40,6 +41,8 @@ class ClassifierPage(Page):
             raise Unavailable(str(error)) from None
         self.judged: Judged | None = None
         self.watch = Watch(self._show)
+        self.free_watch = Watch(self._show_free)
+        self.abundance = LiveText(margin=(8, 0), css_classes=["sd-abundance"])
         self.controls = TaskControls(
             "Train", self.train, self.watch.cancel, "train", color="primary", size="large"
         )
@@ -102,12 +105,15 @@ class ClassifierPage(Page):
 
     def close(self) -> None:
         self.watch.leave()
+        self.free_watch.leave()
         for study in self.studies:
             study.close()
         super().close()
 
     def train(self) -> None:
         """Train the classifier that the controls describe, or join those who wait for the same."""
+        self.free_watch.leave()
+        self.abundance.text = ""
         self.watch.follow(self.services.work.ask(*self._question()))
 
     @property
@@ -144,7 +150,7 @@ class ClassifierPage(Page):
         n_classes = len(self.streams.q)
         self.card = ui.FigureCard(
             "Confusion matrix on streams never trained on",
-            [self.matrix, self.scores],
+            [self.matrix, self.scores, self.abundance],
             name="confusion",
             image=lambda kind: export(classifier.draw_matrix(self._ready(), "matplotlib"), kind),
             table=lambda: classifier.matrix_table(self._ready()),
@@ -196,6 +202,15 @@ class ClassifierPage(Page):
         self.card.say(classifier.matrix_sentence(task.result))
         self.roc_card.say(classifier.roc_sentence(task.result))
         self.calibration_card.say(classifier.calibration_sentence(task.result))
+        self.free_watch.follow(self.services.work.ask(*free_task(self.services, self.session, task.result)))
+
+    def _show_free(self, task: Task) -> None:
+        """Say what changes if the abundance is free."""
+        if task.state == "done":
+            unknown = "What changes if the abundance is free is not known: the cache has no such streams."
+            self.abundance.text = unknown if task.result is None else task.result.sentence
+        else:
+            self.abundance.text = "Learning what changes if the abundance is free …" if task.active else ""
 
     def _draw_matrix(self) -> None:
         dark = self.session.theme == "dark"
