@@ -17,6 +17,10 @@ from streamdash.streams import stream_of
 
 R0_KPC = 8.0
 V0_KMS = 220.0
+KMS_IN_PC_MYR = 1.0227121655399913
+GRAVITY = 4.302 * 10.0**-3.0
+"""km/s in pc/Myr, and G in pc (km/s)² / M☉, as galpy has them where astropy is not installed. With astropy
+it takes others (G lower by 2.5·10⁻⁴), and streams would depend on what else a machine has."""
 TRACK_CHUNKS = 11
 """Nodes of today's track (galpy's ``nTrackChunks``), as in Bovy, Erkal & Sanders (2017)."""
 
@@ -46,9 +50,7 @@ class Nodes(NamedTuple):
 
 def time_unit_gyr() -> float:
     """Length of one natural time unit in Gyr (0.035556)."""
-    from galpy.util import conversion
-
-    return float(conversion.time_in_Gyr(V0_KMS, R0_KPC))
+    return R0_KPC / V0_KMS / KMS_IN_PC_MYR
 
 
 def _galpy_arguments(stream: StreamModel, compiled: bool, coarse: bool = False) -> dict[str, Any]:

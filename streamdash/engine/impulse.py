@@ -16,14 +16,12 @@ import math
 import numpy as np
 from numba import njit
 
-from streamdash.engine.galpy_streams import R0_KPC, V0_KMS
+from streamdash.engine.galpy_streams import GRAVITY, R0_KPC, V0_KMS
 
 
 def gravity() -> float:
     """G · 1 M☉ in natural units."""
-    from galpy.util import conversion
-
-    return 1.0 / float(conversion.mass_in_msol(V0_KMS, R0_KPC))
+    return 1.0 / (V0_KMS**2.0 * R0_KPC / GRAVITY * 10.0**3.0)
 
 
 @njit(cache=True, error_model="numpy")

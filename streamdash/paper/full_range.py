@@ -87,7 +87,7 @@ def full_range_results(
 
 def shipped_results() -> dict[str, Any] | None:
     """The study's results as they are shipped, of `full_range_results`; None where they are not."""
-    path = DOCS / "reproduction" / "full_range.json"
+    path = DOCS / "reproduction/full_range.json"
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 
 

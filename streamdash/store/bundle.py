@@ -54,9 +54,9 @@ VALUES_MAX = 20_000_000
 """Most numbers in all arrays of a geometry or of spectra that are imported."""
 WORD, PLAIN = r"[A-Za-z_][A-Za-z0-9_]{0,39}", r"[ -~]{0,80}"
 RECORD = {
-    "code_version": r"[A-Za-z0-9.+_-]{1,64}",
-    "created": r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,6})?(\+00:00|Z)",
-    "updated": r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,6})?(\+00:00|Z)",
+    "code_version": re.compile(r"[A-Za-z0-9.+_-]{1,64}"),
+    "created": re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,6})?(\+00:00|Z)"),
+    "updated": re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,6})?(\+00:00|Z)"),
 }
 """How our own manifests put what is shown of them."""
 NAN = "AAAAAAAA+H8="
@@ -219,7 +219,7 @@ def _shown(text: str) -> str:
 def _check_record(manifest: Manifest) -> None:
     """Refuse what an entry says of itself in other words than ours: it is shown on terminals."""
     for name, pattern in RECORD.items():
-        if re.fullmatch(pattern, getattr(manifest, name)) is None:
+        if pattern.fullmatch(getattr(manifest, name)) is None:
             raise StoreError(
                 f"manifest.json: {name} is {_shown(getattr(manifest, name))}, which no export says"
             )

@@ -10,7 +10,6 @@ import pytest
 from streamdash.classifier.data import Cancelled, ClassifierError, split
 from streamdash.config import Perturbers, StreamModel
 from streamdash.observe.guess import changed, guess
-from streamdash.observe.misfit import ERRORS
 from streamdash.observe.observation import Observation, interpret, read_observation
 from streamdash.observe.report import answer, report, text
 from streamdash.observe.resemblance import UNLIKE, learn_likeness
