@@ -30,6 +30,7 @@ PLACE = """
 ([axis, x, y]) => {
   const figure = sd.figures().find(f => f.left.some(a => (a.axis_label ?? "").startsWith(axis)))
   const view = sd.view(figure)
+  view.el.scrollIntoView({block: 'center', behavior: 'instant'})
   const box = view.el.getBoundingClientRect()
   const frame = view.frame
   return [box.left + frame.x_scale.compute(x), box.top + frame.y_scale.compute(y)]

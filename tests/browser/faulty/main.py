@@ -1,9 +1,5 @@
-"""The app with one handler that raises, of the kind that ``?fault=`` names; for test_guard.py.
+"""The app with one handler that raises, of the kind that ``?fault=`` names; for test_guard.py."""
 
-The file that the variable ``FAULTS`` names gets a line when the handler raises and when its session is gone.
-"""
-
-import os
 import sys
 from pathlib import Path
 
@@ -17,35 +13,21 @@ from app.serving import open_session
 from app.ui.upload import FileDrop
 
 
-def note(event):
-    """Tell the test."""
-    with Path(os.environ["FAULTS"]).open("a") as file:
-        file.write(f"{fault}: {event}\n")
-
-
 def fail(*_):
     """What a handler does that nobody has thought of."""
-    note("raised")
     raise RuntimeError("a handler raised on purpose")
 
 
-def fail_at_the_end():
-    """Have the end of the session raise."""
-    pn.state.on_session_destroyed(fail)
-    note("asked")
-
-
 ABOVE = {"position": "fixed", "bottom": "60px", "left": "60px", "z-index": "99999"}
-fault = pn.state.session_args.get("fault", [b""])[0].decode()
 shown = open_session(process_services())
-pn.state.on_session_destroyed(lambda _: note("gone"))
+fault = pn.state.session_args.get("fault", [b""])[0].decode()
 document = pn.state.curdoc
 pressed = {
     "button": fail,
     "periodic": lambda: pn.state.add_periodic_callback(fail, 50, count=3),
     "next tick": lambda: document.add_next_tick_callback(fail),
     "timeout": lambda: document.add_timeout_callback(fail, 50),
-    "session destroyed": fail_at_the_end,
+    "session destroyed": lambda: pn.state.on_session_destroyed(fail),
     "unlocked": lambda: pn.state.execute(fail, schedule=True),
 }
 if fault in pressed:
