@@ -123,12 +123,6 @@ def test_evidence_page_shows_ln_b_of_the_chosen_fiducial(open_shell, services):
     assert "10⁵–10⁹" in shell.page.card._sentence.text.split(":")[0]
 
 
-def test_by_default_every_bin_of_the_central_range_counts(open_shell):
-    shell = open_shell(f"{EVIDENCE}&n_bin=10")  # in finer ones 100 streams are too few
-    assert shell.page.data.evidence.kept(0, 0, 1).all()
-    assert len(data(shell.page.live, evidence.EXCLUDED)["x0"]) == 0
-
-
 def test_excluded_bins_are_grey_and_not_in_the_sum(open_shell):
     shell = open_shell(f"{EVIDENCE}&exclude=noise")
     spans = data(shell.page.live, evidence.EXCLUDED)
