@@ -87,7 +87,10 @@ def test_first_streams_computed_anew_are_the_shipped_ones(name):
     if few.any():
         assert np.quantile(density[few], 0.999) < 2e-3
         assert density[few].max() < 4e-3  # either side may be off by the engine's 2e-3
-        assert np.quantile(omega[few], 0.999) < 3e-3
+        # A mean frequency says nothing where next to no stars are left of it.
+        populated = (stored.density / stored.smooth).values[:3] > 0.05
+        assert populated[few].mean() > 0.5  # most of every ensemble is compared
+        assert omega[few][populated[few]].max() < 3e-3
 
 
 @pytest.mark.slow
