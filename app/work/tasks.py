@@ -59,13 +59,18 @@ class Task:
         """Whether it waits or runs."""
         return self.state in ("waiting", "running")
 
+    @property
+    def stopping(self) -> bool:
+        """Whether it was asked to end."""
+        return self._stop.is_set()
+
     def stop(self) -> None:
         """Ask it to end; it does at its next step."""
         self._stop.set()
 
     def run(self, compute: Compute) -> None:
         """Work it off, on the calling thread."""
-        if self._stop.is_set():
+        if self.stopping:
             self._change("cancelled")
             return
         self._change("running")
@@ -111,7 +116,7 @@ class Work:
         """Start a task, or join the one of the same key."""
         with self._lock:
             task = self._tasks.get(key)
-            if task is not None and task.state in ("waiting", "running", "done") and not task._stop.is_set():
+            if task is not None and task.state in ("waiting", "running", "done") and not task.stopping:
                 return task
             task = Task(key)
             self._tasks[key] = task

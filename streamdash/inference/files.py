@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import json
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -80,6 +82,29 @@ def save(estimator: Estimator, path: Path) -> None:
     write_file(path, file.getvalue())
 
 
+@contextmanager
+def arrays_of(path: Path, what: str) -> Iterator[dict[str, np.ndarray]]:
+    """The arrays of a file, never unpickled; also says in one sentence what is wrong with what they hold.
+
+    Raises
+    ------
+    EstimatorFileError
+        When the file is missing, damaged, or something else; or when the ``with`` block finds it so.
+    """
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise EstimatorFileError(f"{path} is larger than any {what}.")
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        yield arrays
+    except FileNotFoundError:
+        raise EstimatorFileError(f"There is no {what} {path}.") from None
+    except (OSError, KeyError, TypeError, IndexError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        if isinstance(error, EstimatorFileError):
+            raise
+        raise EstimatorFileError(f"{path} is not a whole {what} ({type(error).__name__}).") from None
+
+
 def load(path: Path) -> Estimator:
     """Read what `save` wrote.
 
@@ -88,23 +113,13 @@ def load(path: Path) -> Estimator:
     EstimatorFileError
         When the file is missing, damaged, or something else.
     """
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise EstimatorFileError(f"{path} is larger than any estimator.")
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+    with arrays_of(path, "estimator") as arrays:
         card = json.loads(arrays["card"].tobytes())
         if card["format"] != FORMAT:
             raise EstimatorFileError(f"{path} is of another format than {FORMAT}.")
         estimator = _read(arrays, card)
         estimator.posterior(np.ones((1, estimator.design.n_bin)))  # shapes that do not fit are found here
-        return estimator
-    except FileNotFoundError:
-        raise EstimatorFileError(f"There is no estimator {path}.") from None
-    except (OSError, KeyError, TypeError, IndexError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        if isinstance(error, EstimatorFileError):
-            raise
-        raise EstimatorFileError(f"{path} is not a whole estimator ({type(error).__name__}).") from None
+    return estimator
 
 
 def _read(arrays: dict[str, np.ndarray], card: dict[str, Any]) -> Estimator:

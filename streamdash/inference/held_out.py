@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,8 +15,8 @@ from streamdash.inference.estimator import Estimator
 from streamdash.inference.files import (
     DEFAULT_PRIOR,
     HELD_OUT,
-    MAX_BYTES,
     EstimatorFileError,
+    arrays_of,
     kept_folder,
     shipped_path,
 )
@@ -95,21 +94,12 @@ class HeldOut:
         EstimatorFileError
             When the file is missing, damaged, or something else.
         """
-        try:
-            if path.stat().st_size > MAX_BYTES:
-                raise EstimatorFileError(f"{path} is larger than any file of held-out streams.")
-            with np.load(path, allow_pickle=False) as file:
-                names, truth, clean = (file[name] for name in ("names", "truth", "clean"))
+        with arrays_of(path, "file of held-out streams") as arrays:
+            names, truth, clean = (arrays[name] for name in ("names", "truth", "clean"))
             found = cls(pd.DataFrame(truth, columns=json.loads(names.tobytes())), clean.astype(np.float32))
             if len(found.truth) != len(found.clean):
                 raise EstimatorFileError(f"{path} does not hold as many parameters as streams.")
-            return found
-        except FileNotFoundError:
-            raise EstimatorFileError(f"There are no held-out streams {path}.") from None
-        except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
-            if isinstance(error, EstimatorFileError):
-                raise
-            raise EstimatorFileError(f"{path} is not a whole file ({type(error).__name__}).") from None
+        return found
 
 
 def seen(

@@ -85,10 +85,15 @@ def head(asked: Asked) -> str:
     return "\n".join([*lines, *asked.found.data.code]) + "\n"
 
 
+def _factor(found: Answer) -> str:
+    """The argument that tells an estimator how large the errors are, where it is told."""
+    return f", {found.noise_factor:g}" if found.oracle.estimator.noise_told else ""
+
+
 def answer_code(asked: Asked) -> str:
     """The answer in words, and its corner plot."""
     found = asked.found
-    factor = f", {found.noise_factor:g}" if found.oracle.estimator.noise_told else ""
+    factor = _factor(found)
     age = "" if found.age is None else f'.at("age_gyr", {found.age:g})'
     return head(asked) + (
         f"posterior = estimator.posteriors(q[None]{factor})[0]{age}\n"
@@ -102,7 +107,7 @@ def answer_code(asked: Asked) -> str:
 def bands_code(asked: Asked) -> str:
     """The predictive bands over the data."""
     found = asked.found
-    factor = f", {found.noise_factor:g}" if found.oracle.estimator.noise_told else ""
+    factor = _factor(found)
     given = ""
     if found.age is not None:
         low, high = cell_ends(found.joint, found.age)
@@ -122,7 +127,7 @@ def bands_code(asked: Asked) -> str:
 def moves_code(asked: Asked) -> str:
     """The answer at each age that can be fixed."""
     found = asked.found
-    factor = f", {found.noise_factor:g}" if found.oracle.estimator.noise_told else ""
+    factor = _factor(found)
     lines = [f"posterior = estimator.posteriors(q[None]{factor})[0]"]
     if found.oracle.ages:
         lines += [
@@ -138,7 +143,7 @@ def moves_code(asked: Asked) -> str:
 def calibration_code(asked: Asked) -> str:
     """Ranks and coverage on the held-out streams."""
     found = asked.found
-    factor = f", {found.noise_factor:g}" if found.oracle.estimator.noise_told else ""
+    factor = _factor(found)
     return head(asked) + (
         "from streamdash.inference.diagnostics import scores\n\n"
         f"p = estimator.posterior(streams.observed(estimator{factor}){factor})\n"
