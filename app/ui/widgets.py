@@ -124,7 +124,14 @@ def ensemble_picker(page: Page) -> Viewable:
         size="small",
         margin=0,
         css_classes=["sd-mass"],
-        sx={"flexWrap": "wrap", "& button": {"whiteSpace": "nowrap", "width": "auto", "flex": "0 0 auto"}},
+        sx={
+            "flexWrap": "wrap",
+            "& button": {"whiteSpace": "nowrap", "width": "auto", "flex": "0 0 auto"},
+            "@media (max-width: 700px)": {  # long names go on in another line instead of off a phone
+                "maxWidth": "calc(100vw - 32px)",
+                "& button": {"whiteSpace": "normal", "textAlign": "left", "maxWidth": "100%"},
+            },
+        },
     )
 
     def picked(event: param.parameterized.Event) -> None:

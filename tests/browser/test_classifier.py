@@ -100,3 +100,12 @@ def test_nothing_sticks_out_on_a_phone(tab, theme):
     )
     assert wide == 0
     assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
+
+
+def test_the_scores_are_seen_whole_on_a_wide_screen(tab):
+    """With their intervals and the paper's: nothing to scroll for."""
+    page = trained(tab(TWO).page)
+    table = page.locator(".sd-scores table")
+    expect(table).to_contain_text("AUC")
+    hidden = table.evaluate("table => table.parentElement.scrollWidth - table.parentElement.clientWidth")
+    assert hidden <= 1

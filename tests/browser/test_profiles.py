@@ -245,3 +245,14 @@ def test_the_keyboard_reaches_every_control_and_focus_is_visible(tab):
     for control in ("Toggle theme", "Profiles", "Draw others", "PNG", "SVG", "CSV", "Show the code"):
         assert control in text, reached
     assert "range" in text or "Shot noise" in text
+
+
+def test_names_of_all_classes_are_read_whole_on_a_phone(tab):
+    page = tab("?page=profiles", width=390, height=844).page
+    buttons = page.locator(".sd-mass button")
+    expect(buttons.first).to_be_visible()
+    longest = max(buttons.all_inner_texts(), key=len)
+    assert len(longest) > 60  # one that does not fit into one line
+    for k in range(buttons.count()):
+        box = buttons.nth(k).bounding_box()
+        assert box is not None and box["x"] >= 0 and box["x"] + box["width"] <= 390

@@ -350,7 +350,7 @@ def test_help_names_every_command():
 # ------------------------------------------------------------------ quick to answer
 
 HEAVY = ["numpy", "scipy", "pandas", "numba", "galpy", "xarray", "zarr", "sklearn", "xgboost", "matplotlib"]
-HEAVY += ["holoviews", "panel", "joblib"]
+HEAVY += ["holoviews", "panel", "joblib", "loky", "astropy"]
 
 
 @pytest.mark.parametrize("command", ["", "serve", "simulate", "reproduce", "classify", "cache"])

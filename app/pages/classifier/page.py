@@ -150,7 +150,7 @@ class ClassifierPage(Page):
         n_classes = len(self.streams.q)
         self.card = ui.FigureCard(
             "Confusion matrix on streams never trained on",
-            [self.matrix, self.scores, self.abundance],
+            [self.matrix, pn.Column(self.scores, self.abundance, sizing_mode=ui.WIDE, margin=0)],
             name="confusion",
             image=lambda kind: export(classifier.draw_matrix(self._ready(), "matplotlib"), kind),
             table=lambda: classifier.matrix_table(self._ready()),

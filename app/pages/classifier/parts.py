@@ -50,7 +50,8 @@ def scores_html(judged: Judged) -> Markup:
     def cell(metric: str, c: int) -> tuple[str, ...]:
         given = paper.get(metric)
         note = (f"paper {sign}{given[c]:.2f}",) if isinstance(given, tuple) else ()
-        return (scores.text(metric, c), *note)
+        value, _, interval = scores.text(metric, c).partition(" ")
+        return (value, *([interval] if interval else []), *note)
 
     overall = f"{scores.text('overall_accuracy')}, 68 % interval"
     note = f", paper {paper['overall_accuracy']:.2f}" if "overall_accuracy" in paper else ""
