@@ -111,3 +111,31 @@ def table_command(
     design = estimator.design
     words = f"{stream_text(estimator.stream)}: bins of {design.step:.3g}°, σ = {design.noise:g}, "
     print(table({words + f"divided by a polynomial of order {design.order}; {held_out} streams": found}))
+
+
+@estimator_app.command("streams")
+def streams_command(
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write them.")],
+    stream: StreamOption = None,
+    prior: Annotated[str, typer.Option("--prior", metavar="NAME|JSON", help=PRIOR_HELP)] = "rate",
+    streams: Annotated[int, typer.Option("--streams", min=500, help="How many.")] = 15_000,
+    cache: CacheOption = None,
+) -> None:
+    """Write streams of a prior as they are shipped: what estimators for anybody's bins learn from."""
+    from streamdash.inference.prior_ensemble import PriorEnsemble
+    from streamdash.inference.shipped_streams import save_streams
+
+    if not output.is_dir():
+        raise InputError(f"The folder {output} does not exist; make it first.")
+    place = make_cache(cache)
+    with wrong_input(), progress_bar() as titled:
+        asked = read_prior(prior)
+        if asked.ages_gyr:
+            raise InputError("--prior: leave ages_gyr out; streams are shipped of one age.")
+        model = named_stream(stream or STREAM_NAMES[0]).arm()
+        ensemble = PriorEnsemble.load(
+            asked, model, streams, place, progress=titled("Simulating streams of the prior"), nice=10
+        )
+        (member,) = ensemble.members
+        path = save_streams(member.config, member.streams, output)
+    messages.print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")

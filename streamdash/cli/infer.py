@@ -64,8 +64,11 @@ def infer_command(
     error_unit: ErrorUnitOption = None,
     constant: ConstantOption = None,
     streams: Annotated[
-        int, typer.Option("--streams", min=500, max=200_000, help="Streams of the prior to learn from.")
-    ] = 20_000,
+        int | None,
+        typer.Option(
+            "--streams", min=500, max=200_000, help="Streams of the prior to learn from.  [default: all shipped]"
+        ),
+    ] = None,
     html: Annotated[
         Path | None, typer.Option("--report", metavar="HTML", help="Also write a report.")
     ] = None,
@@ -74,8 +77,8 @@ def infer_command(
 ) -> None:
     """Infer the population that hit a measured stream: abundance, half-mode mass, excess of clusters.
 
-    An estimator is trained for the profile's own bins, errors and gaps, on streams of the prior that are
-    simulated before unless the cache has them; both are kept. What the columns are is guessed and stated.
+    An estimator is trained for the profile's own bins, errors and gaps, and kept. Streams of another prior
+    than the named ones are simulated before, and kept too. What the columns are is guessed and stated.
     """
     from streamdash.observe.infer import infer
 

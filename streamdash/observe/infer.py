@@ -23,6 +23,7 @@ from streamdash.inference.files import (
 from streamdash.inference.held_out import HeldOut, keep_streams, kept_streams
 from streamdash.inference.posterior import Posterior
 from streamdash.inference.prior_ensemble import PriorEnsemble
+from streamdash.inference.shipped_streams import load_shipped
 from streamdash.inference.training import Training
 from streamdash.inference.words import sentences
 from streamdash.observe.guess import assume
@@ -34,8 +35,8 @@ from streamdash.store.cache import Cache
 from streamdash.streams import named_stream
 from streamdash.survey.design import Design
 
-N_STREAMS = 20_000
-"""Streams of the prior that an estimator for somebody's own design learns from."""
+N_STREAMS = 5_000
+"""Streams that an estimator for somebody's own design learns from, where none of its prior are shipped."""
 QUICK = Training(members=3, copies=4, max_epochs=30)
 """How such an estimator is trained: within a minute on two cores."""
 
@@ -117,14 +118,15 @@ def infer(
     arm: str | None = None,
     changes: dict[str, Any] | None = None,
     cache: Cache | None = None,
-    n_streams: int = N_STREAMS,
+    n_streams: int | None = None,
     progress: Report | None = None,
     kept_in: Path | None = None,
 ) -> Inference:
     """Posterior of the population that hit a measured stream.
 
-    An estimator is trained for the profile's own bins, errors, gaps and polynomial, and kept. The streams
-    it learns from are simulated before, unless the cache has them.
+    An estimator is trained for the profile's own bins, errors, gaps and polynomial, and kept. It learns from
+    the streams of the prior that are shipped; those of other priors are simulated before, unless the cache
+    has them.
 
     Parameters
     ----------
@@ -132,6 +134,7 @@ def infer(
     stream, arm : name of the stream, and of its arm.
     prior : "rate", "population", or a `Prior`.
     changes : what the columns are, where the guess is wrong; see `streamdash.observe.guess.assume`.
+    n_streams : streams of the prior to learn from; all that are shipped, or else `N_STREAMS`.
     kept_in : folder for trained estimators; one in the user's cache folder by default.
 
     Raises
@@ -156,7 +159,7 @@ def learnt(
     model: StreamModel,
     design: Design,
     cache: Cache | None = None,
-    n_streams: int = N_STREAMS,
+    n_streams: int | None = None,
     progress: Report | None = None,
     kept_in: Path | None = None,
     nice: int = 0,
@@ -165,16 +168,19 @@ def learnt(
 
     Parameters
     ----------
-    n_streams : streams of the prior, simulated before unless the cache has them.
+    n_streams : streams of the prior; all that are shipped by default. More, or those of a prior that none
+        are shipped of (`N_STREAMS` by default), are simulated before unless the cache has them.
     progress : called all the time; what it raises ends the work.
     nice : how much the simulating processes stand back for others.
     """
+    ensemble = load_shipped(prior, model, n_streams, cache)
+    n_streams = n_streams or (ensemble.n_streams if ensemble else N_STREAMS)
     key = estimator_key(prior, model, design, n_streams, QUICK)
     there = kept(key, kept_in), kept_streams(key, kept_in)
     if there[0] is not None and there[1] is not None:
         return there[0], there[1]
     report = progress or (lambda _what, _done, _all: None)
-    ensemble = PriorEnsemble.load(
+    ensemble = ensemble or PriorEnsemble.load(
         prior,
         model,
         n_streams,

@@ -36,6 +36,8 @@ AS_IS = -1
 """Order of the polynomial that stands for no division at all."""
 ORDER_MAX = 6
 """Highest order of the polynomial: with more, it follows the gaps themselves."""
+EMPTY = 1e-30
+"""Taken for the mean of a stretch without stars, which so stays empty when it is divided."""
 FLOOR = 0.1
 """A fitted polynomial is not taken below this share of the mean: a quotient would mean nothing."""
 
@@ -240,6 +242,7 @@ def polynomial_fit(x: np.ndarray, order: int) -> np.ndarray:
 def smooth_curve(profiles: np.ndarray, fit: np.ndarray) -> np.ndarray:
     """The fitted polynomial of each profile (…, n_bin), kept above `FLOOR` of the profile's mean."""
     size = np.maximum(profiles.mean(axis=-1), FLOOR * np.abs(profiles).mean(axis=-1))
+    size = np.maximum(size, EMPTY / FLOOR)
     return np.maximum(profiles @ fit.T.astype(profiles.dtype), FLOOR * size[..., None])
 
 

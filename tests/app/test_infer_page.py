@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import time
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -200,7 +201,7 @@ def test_an_estimator_is_trained_in_the_background_and_then_answers(
     monkeypatch.setattr(
         services, "cache", Cache((services.cache.roots[0], tmp_path / "own"), tmp_path / "own")
     )
-    monkeypatch.setattr(answers, "N_STREAMS", 500)
+    monkeypatch.setattr(answers, "learnt", partial(answers.learnt, n_streams=500))
     page = open_shell(f"{LINK}&infer_data=upload&example=yes").page
     assert page.found is None and page.controls.training.view.visible
     page.train()

@@ -23,16 +23,13 @@ from streamdash.inference.held_out import NOISE_SEED, HeldOut, load_streams, see
 from streamdash.inference.posterior import Posterior
 from streamdash.inference.predictive import stream_weights, weighted_bands
 from streamdash.inference.prior_ensemble import clean_streams, default_design
-from streamdash.observe.infer import learnt
+from streamdash.inference.shipped_streams import are_shipped
+from streamdash.observe.infer import N_STREAMS, learnt
 from streamdash.observe.observation import Observation
 from streamdash.prior import PRIORS
 from streamdash.streams import stream_of
 from streamdash.survey.design import Design
 from streamdash.survey.lsst import TODAY, YEARS, noise_factor
-
-N_STREAMS = 5000
-"""Streams of the prior that are simulated, where the cache has none, for somebody's own bins."""
-
 
 @dataclass(frozen=True, eq=False)
 class Oracle:
@@ -150,19 +147,40 @@ def training(services: Services, model: StreamModel, prior: str, design: Design)
     """Key and computation of an oracle for somebody's own bins, for `app.work.tasks.Work.ask`."""
 
     def compute(progress: Callable[[int, int], None], should_stop: Callable[[], bool]) -> Oracle:
+        first = 0
+
         def report(what: str, done: int, total: int) -> None:
+            nonlocal first
             if should_stop():
                 raise Cancelled
-            # Simulating takes about half of the time, where it must be done at all.
             share = done / max(total, 1)
-            progress(round(500 * share if what.startswith("Sim") else 500 + 500 * share), 1000)
+            if what.startswith("Sim"):  # where none are shipped, that takes nine tenths of the time
+                first = 900
+                progress(round(first * share), 1000)
+            else:
+                progress(round(first + (1000 - first) * share), 1000)
 
         estimator, streams = learnt(
-            PRIORS[prior], model, design, services.cache, N_STREAMS, report, nice=services.jobs.limits.nice
+            PRIORS[prior],
+            model,
+            design,
+            services.cache,
+            progress=report,
+            nice=services.jobs.limits.nice,
         )
         return Oracle(estimator, streams, False, False)
 
     return ("infer", model.key, prior, design.key), compute
+
+
+def cost(model: StreamModel, prior: str) -> str:
+    """What it takes to train an estimator, in words."""
+    if are_shipped(PRIORS[prior], model):
+        return "it learns from shipped streams, in less than a minute, and is kept."
+    return (
+        f"{N_STREAMS} streams are simulated for it first, which takes some minutes; they and the estimator "
+        "are kept."
+    )
 
 
 def usual_design(services: Services, model: StreamModel, oracle: Oracle | None) -> Design:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from app.pages.infer.answers import N_STREAMS, Answer, Oracle, cell_ends, part_of
+from app.pages.infer.answers import Answer, Oracle, cell_ends, part_of
 from streamdash.config import StreamModel
 from streamdash.streams import stream_of
 
@@ -78,7 +78,7 @@ def head(asked: Asked) -> str:
                 part = part_of(asked.base.estimator.design.n_bin, asked.window)
             lines.append(f"design = whole.part(slice({part.start}, {part.stop}))")
         lines.append(
-            f'estimator, streams = learnt(PRIORS["{asked.prior}"], model, design, cache, {N_STREAMS})'
+            f'estimator, streams = learnt(PRIORS["{asked.prior}"], model, design, cache)'
         )
         if asked.base is None:
             lines.append("mocks = streams")
