@@ -66,7 +66,7 @@ def infer_command(
     streams: Annotated[
         int | None,
         typer.Option(
-            "--streams", min=500, max=200_000, help="Streams of the prior to learn from.  [default: all shipped]"
+            "--streams", min=500, max=200_000, help="Streams to learn from; by default all shipped ones."
         ),
     ] = None,
     html: Annotated[

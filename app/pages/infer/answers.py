@@ -31,6 +31,7 @@ from streamdash.streams import stream_of
 from streamdash.survey.design import Design
 from streamdash.survey.lsst import TODAY, YEARS, noise_factor
 
+
 @dataclass(frozen=True, eq=False)
 class Oracle:
     """What answers: an estimator, and streams that it has not learnt from."""

@@ -77,9 +77,7 @@ def head(asked: Asked) -> str:
             if asked.base is not None:
                 part = part_of(asked.base.estimator.design.n_bin, asked.window)
             lines.append(f"design = whole.part(slice({part.start}, {part.stop}))")
-        lines.append(
-            f'estimator, streams = learnt(PRIORS["{asked.prior}"], model, design, cache)'
-        )
+        lines.append(f'estimator, streams = learnt(PRIORS["{asked.prior}"], model, design, cache)')
         if asked.base is None:
             lines.append("mocks = streams")
     return "\n".join([*lines, *asked.found.data.code]) + "\n"

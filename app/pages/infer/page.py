@@ -261,7 +261,8 @@ class InferPage(Page):
         self.controls.training.start.disabled = False
         self.controls.training.cancel.visible = self.controls.training.bar.visible = False
         self.controls.training.text.text = (
-            f"No estimator for these {design.n_bin} bins yet: {answers.cost(self.model, self.session.infer_prior)}"
+            f"No estimator for these {design.n_bin} bins yet: "
+            + answers.cost(self.model, self.session.infer_prior)
             if oracle is None and design is not None
             else ""
         )
