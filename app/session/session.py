@@ -18,8 +18,9 @@ from app.pages.infer.state import InferState
 from app.pages.learn.state import LearnState
 from app.pages.observe.state import ObserveState
 from app.pages.simulate.state import SimulateState
-from app.session.catalog import CLASSES_MAX, CLASSES_MIN, Catalog
+from app.session.catalog import CLASSES_MAX, CLASSES_MIN, Catalog, Choice
 from app.session.fields import Decimal, Field, OneOf, Whole, check_word, fields_of
+from streamdash.config import EnsembleConfig
 from streamdash.plots.style import COORDINATE_LABELS
 from streamdash.streams import bins_of
 
@@ -71,10 +72,15 @@ class Session(LearnState, ObserveState, InferState, ConvergenceState, SimulateSt
         super().__init__(catalog=catalog, **values)
 
     @property
-    def ensembles(self) -> tuple:
+    def ensembles(self) -> tuple[Choice, ...]:
         """The chosen `Choice` objects, lowest masses first: models M0, M1, …"""
         stream = self.catalog.stream(self.stream)
         return tuple(c for c in stream.ensembles if c.key in self.mass) if stream else ()
+
+    @property
+    def configs(self) -> list[EnsembleConfig]:
+        """Configurations of the chosen ensembles, M0 first."""
+        return [choice.config for choice in self.ensembles]
 
     def load(self, search: str) -> None:
         """Take over a URL's query; what is missing or wrong becomes the default."""

@@ -7,6 +7,7 @@ from collections.abc import Hashable, Mapping
 from typing import Any
 
 from app.services.services import Services
+from app.session.listing import ensembles_code
 from app.session.session import Session
 from app.work.tasks import Compute
 from streamdash.classifier.abundance import FreeAbundance, learn_free
@@ -125,7 +126,6 @@ def free_task(services: Services, session: Session, fixed: Judged) -> tuple[Hash
 
 def code_head(session: Session, *modules: str) -> str:
     """First lines of a listing: imports, the chosen streams and the chosen classifier."""
-    ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in session.ensembles)
     settings = settings_of(session)
     imports = sorted(
         {
@@ -141,7 +141,7 @@ def code_head(session: Session, *modules: str) -> str:
         chosen = f"ClassifierConfig.parse('{text}')"
     return (
         "\n".join(["from pathlib import Path", "", *imports]) + "\n\n"
-        f"ensembles = [\n{ensembles}\n]\n"
+        f"{ensembles_code(session.ensembles)}"
         "streams = ObservedStreams.read(Cache.default(), ensembles)\n"
         f"settings = {chosen}\n"
     )

@@ -87,6 +87,12 @@ class LiveFigure:
             if changed:
                 source.data.update(changed)
 
+    def move(self, x: tuple[float, float] | None = None, y: tuple[float, float] | None = None) -> None:
+        """Give the axes other ends; an axis without any stays, and nothing is sent for the same ends."""
+        for axis, ends in ((self.figure.x_range, x), (self.figure.y_range, y)):
+            if ends is not None and (axis.start, axis.end) != ends:
+                axis.update(start=ends[0], end=ends[1])
+
     def set_ink(self, dark: bool) -> None:
         """Recolour the inked elements for a dark or a light page."""
         for glyph in self._inked:

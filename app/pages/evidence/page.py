@@ -10,14 +10,8 @@ from panel.viewable import Viewable
 from app import ui
 from app.page import Page
 from app.pages.evidence.parts import STYLE, evidence_table
-from app.services.comparison import (
-    choice_key,
-    code_head,
-    configs,
-    noisy_profiles,
-    set_range,
-    shared_comparison,
-)
+from app.services.comparison import choice_key, noisy_profiles, shared_comparison
+from app.session.listing import code_head, ensembles_code
 from app.work.later import Later
 from streamdash.naming import class_labels, differences
 from streamdash.paths import DOCS
@@ -79,7 +73,7 @@ class EvidencePage(Page):
     @property
     def is_paper(self) -> bool:
         """Whether the classes are the paper's two, so that its table can stand beside ours."""
-        chosen = configs(self.session)
+        chosen = self.session.configs
         return [c.population.label for c in chosen] == PAPER_RANGES and not any(map(differences, chosen))
 
     def update(self, changed: frozenset[str]) -> None:
@@ -97,9 +91,8 @@ class EvidencePage(Page):
                 self._show_table(self.tables)
         else:
             self.live.patch(evidence.columns(self.data, self.fiducial))
-            set_range(self.live.figure.x_range, frame(self.data)["x"])
-            set_range(self.live.figure.y_range, evidence.y_frame(self.data, self.fiducial))
-        self.card.say(evidence.sentence(self.data, self.fiducial, configs(self.session)))
+            self.live.move(frame(self.data)["x"], evidence.y_frame(self.data, self.fiducial))
+        self.card.say(evidence.sentence(self.data, self.fiducial, self.session.configs))
         self._ask(table=bool(changed & {"noise", "exclude"}))
 
     def close(self) -> None:
@@ -111,7 +104,7 @@ class EvidencePage(Page):
         """Lines of Python that make the figure of ln B as it is now."""
         session = self.session
         return (
-            f"{code_head(session, 'evidence', 'evidence_figure')}"
+            f"{code_head(session.ensembles, 'evidence', 'evidence_figure')}"
             "figure = evidence_figure(\n"
             f"    Cache.default(), ensembles, fiducial={self.fiducial}, "
             f'noise={session.noise:g}, n_bin={session.n_bin}, rules="{session.exclude}"\n'
@@ -169,7 +162,7 @@ class EvidencePage(Page):
             self.slot,
             name="evidence",
             image=lambda kind: export(self._figure(), kind),
-            table=lambda: evidence.table(self.data, self.fiducial, configs(self.session)),
+            table=lambda: evidence.table(self.data, self.fiducial, self.session.configs),
             code=self.code,
             legend=ui.legend(LEGEND, count),
         )
@@ -178,7 +171,7 @@ class EvidencePage(Page):
             [self.table_pane, self.chart],
             name="cumulative",
             image=lambda kind: export(self._cumulative("matplotlib"), kind),
-            table=lambda: cumulative.table(self.tables, configs(self.session), self.is_paper),
+            table=lambda: cumulative.table(self.tables, self.session.configs, self.is_paper),
             code=self.code_table,
             legend=ui.legend(
                 (
@@ -200,9 +193,9 @@ class EvidencePage(Page):
 
     def _draw(self) -> None:
         """A new figure of ln B, for another fiducial."""
-        self.live = LiveFigure(evidence.draw(self.data, self.fiducial, configs(self.session), "bokeh"))
+        self.live = LiveFigure(evidence.draw(self.data, self.fiducial, self.session.configs, "bokeh"))
         self.slot[:] = [pn.pane.Bokeh(self.live.figure, sizing_mode=ui.WIDE, margin=0)]
-        self.card.say(evidence.sentence(self.data, self.fiducial, configs(self.session)))
+        self.card.say(evidence.sentence(self.data, self.fiducial, self.session.configs))
 
     # ------------------------------------------------------------ slow results
 
@@ -250,15 +243,13 @@ class EvidencePage(Page):
             self.chart[:] = [pn.pane.Bokeh(self.live_chart.figure, sizing_mode=ui.WIDE, margin=0)]
         else:
             self.live_chart.patch(cumulative.columns(tables, self.fiducial, self.is_paper))
-            set_range(
-                self.live_chart.figure.y_range, cumulative.y_frame(tables, self.fiducial, self.is_paper)
-            )
-        self.table_card.say(cumulative.sentence(tables, self.fiducial, configs(self.session)))
+            self.live_chart.move(y=cumulative.y_frame(tables, self.fiducial, self.is_paper))
+        self.table_card.say(cumulative.sentence(tables, self.fiducial, self.session.configs))
 
     def _write_table(self, waiting: bool) -> None:
         self.dimmed = waiting
         shown = range(2) if len(self.session.ensembles) == 2 else [self.fiducial]
-        table = evidence_table(self.tables, configs(self.session), shown, self.is_paper, waiting)
+        table = evidence_table(self.tables, self.session.configs, shown, self.is_paper, waiting)
         self.table_pane.write(table)
 
     def _fail_table(self, sentence: str) -> None:
@@ -274,7 +265,7 @@ class EvidencePage(Page):
             self.growth_slot[:] = [pn.pane.Bokeh(figure, sizing_mode=ui.WIDE, margin=0)]
         else:
             self.live_growth.patch(evidence.growth_columns(curves))
-            set_range(self.live_growth.figure.y_range, evidence.growth_frame(curves)[1])
+            self.live_growth.move(y=evidence.growth_frame(curves)[1])
         self.growth_card.say(evidence.growth_sentence(curves, self.fiducial, self.session.n_bin))
 
     def _fail_growth(self, sentence: str) -> None:
@@ -283,8 +274,8 @@ class EvidencePage(Page):
         self.growth_card.say("")
 
     def _figure(self) -> Any:
-        title = f"fiducial {class_labels(configs(self.session))[self.fiducial]}"
-        return evidence.draw(self.data, self.fiducial, configs(self.session), "matplotlib", title)
+        title = f"fiducial {class_labels(self.session.configs)[self.fiducial]}"
+        return evidence.draw(self.data, self.fiducial, self.session.configs, "matplotlib", title)
 
     def _cumulative(self, backend: Any) -> Any:
         return cumulative.draw(self.tables, self.fiducial, backend, paper=self.is_paper)
@@ -300,11 +291,10 @@ def _differences() -> list[Viewable]:
 
 def _code_profiles(session: Any) -> str:
     """Lines that read the chosen ensembles and add their noise."""
-    ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in session.ensembles)
     return (
         "from streamdash.store.cache import Cache\n"
         "from streamdash.survey.observed import ObservedStreams\n\n"
-        f"ensembles = [\n{ensembles}\n]\n"
+        f"{ensembles_code(session.ensembles)}"
         "streams = ObservedStreams.read(Cache.default(), ensembles)\n"
         f"profiles = streams.noisy({session.noise:g})\n"
     )

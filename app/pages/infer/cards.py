@@ -18,7 +18,6 @@ from app.pages.infer.parts import (
     corner_sentence,
     strange_sentence,
 )
-from app.services.comparison import set_range
 from app.services.services import Unavailable
 from streamdash.inference.posterior import Posterior
 from streamdash.plots import corner, infer
@@ -137,7 +136,7 @@ class Cards:
         shown = (design.key, dark)
         if self.live is not None and self._live_for == shown:
             self.live.patch(infer.predictive_columns(design, q, sigma, bands))
-            set_range(self.live.figure.y_range, (0.0, infer.predictive_top(q, bands)))
+            self.live.move(y=(0.0, infer.predictive_top(q, bands)))
         else:
             self.live, self._live_for = LiveFigure(self._bands("bokeh", dark)), shown
             self.band_slot[:] = [pane(self.live)]

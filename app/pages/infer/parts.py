@@ -10,7 +10,6 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.pages.infer.answers import Answer, Calibration
-from app.services.comparison import set_range
 from app.ui.templates import render
 from streamdash.inference.diagnostics import as_record
 from streamdash.inference.estimator import STRANGE
@@ -175,7 +174,7 @@ class Corner:
         """Show another posterior on the same grid."""
         for name, live in self.diagonals.items():
             live.patch(corner.diagonal_columns(posterior, name, truth))
-            set_range(live.figure.y_range, (0.0, corner.diagonal_top(posterior, name)))
+            live.move(y=(0.0, corner.diagonal_top(posterior, name)))
         for (x, y), live in self.pairs.items():
             live.patch(corner.pair_columns(posterior, x, y, truth))
 

@@ -10,7 +10,6 @@ from panel.viewable import Viewable
 from app import ui
 from app.page import Page
 from app.pages.learn.state import FLYBYS_MAX, HAND
-from app.services.comparison import set_range
 from app.ui.browser import LiveText
 from app.ui.player import Player
 from app.work.later import Later
@@ -88,8 +87,7 @@ class FlybyLesson:
             for live, (x, y) in zip(
                 (self.kick_live, self.turn_live), plot.kick_frame(self.kick), strict=True
             ):
-                set_range(live.figure.x_range, x)
-                set_range(live.figure.y_range, y)
+                live.move(x, y)
             self.film_card.say(WAITING, ready=False)
             scene = self.scene
             self.later.ask(lambda: self._make_film(scene))
@@ -97,7 +95,7 @@ class FlybyLesson:
             self._see()
         if changed & (CHANGES | {"noise"}):
             self.seen_live.patch(plot.seen_columns(self.seen))
-            set_range(self.seen_live.figure.y_range, plot.seen_range(self.seen))
+            self.seen_live.move(y=plot.seen_range(self.seen))
             self._say(film=False)
         if changed == {"frame"}:
             self.film_card.say(words.film_sentence(self.film, self.session.frame))
@@ -196,8 +194,8 @@ class FlybyLesson:
         frame, marks = self.session.frame, self._marks
         self.density_live.patch(plot.density_columns(film, marks, frame))
         top, q_top = plot.film_tops(film)
-        set_range(self.density_live.figure.y_range, (0, top))
-        set_range(self.gap_live.figure.y_range, (0, q_top))
+        self.density_live.move(y=(0, top))
+        self.gap_live.move(y=(0, q_top))
         self._load_player()
         self.film_card.say(words.film_sentence(film, frame))
 

@@ -15,6 +15,7 @@ from app import ui
 from app.page import Page
 from app.pages.learn.state import DIFFICULTIES, QUIZ_NOISE, ROUNDS
 from app.services.services import Unavailable
+from app.session.listing import ensembles_code
 from app.session.session import link_to
 from app.ui.browser import CopyLink, LiveText
 from app.work.tasks import Task, Watch
@@ -306,13 +307,12 @@ class QuizLesson:
         return self.clue
 
     def _code(self, function: str, more: str, name: str) -> str:
-        ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in self.session.ensembles)
         return (
             "from pathlib import Path\n\n"
             "from streamdash.plots.live import export\n"
             f"from streamdash.plots.quiz import {function}\n"
             "from streamdash.store.cache import Cache\n\n"
-            f"ensembles = [\n{ensembles}\n]\n"
+            f"{ensembles_code(self.session.ensembles)}"
             f"figure = {function}(\n"
             f"    Cache.default(), ensembles, noise={self.noise:g}, game={self.session.game}, "
             f"number={self.number}{more}\n"

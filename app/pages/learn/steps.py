@@ -17,7 +17,7 @@ from app.pages.learn.text import (
     question_text,
     stream_text,
 )
-from app.services.comparison import configs, shared_comparison
+from app.services.comparison import shared_comparison
 from app.session.catalog import Choice
 from streamdash import streams
 from streamdash.engine.flyby import kick_along_stream
@@ -246,7 +246,7 @@ class EvidenceStep(Step):
         return [ui.noise_slider(self.page)]
 
     def draw(self, backend: Backend) -> hv.Overlay:
-        return pdf.draw(self.data, configs(self.session), backend, None)
+        return pdf.draw(self.data, self.session.configs, backend, None)
 
     def columns(self) -> Columns:
         columns = dict(pdf.columns(self.data, 0))
@@ -265,10 +265,10 @@ class EvidenceStep(Step):
         return evidence_text(self.light, self.heavy, both, words, strong)
 
     def sentence(self) -> str:
-        return pdf.sentence(self.data, configs(self.session))
+        return pdf.sentence(self.data, self.session.configs)
 
     def table(self) -> pd.DataFrame:
-        return pdf.table(self.data, configs(self.session))
+        return pdf.table(self.data, self.session.configs)
 
     def call(self) -> tuple[str, str, str]:
         session = self.session

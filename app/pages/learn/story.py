@@ -9,7 +9,7 @@ from app import ui
 from app.page import Page
 from app.pages.learn.steps import STEPS, Step
 from app.pages.learn.text import GLOSSARY
-from app.services.comparison import set_range
+from app.session.listing import ensembles_code
 from app.session.session import link_to
 from app.ui.browser import Links
 from streamdash.config import StreamModel
@@ -55,8 +55,7 @@ class StoryLesson:
             self.live.patch(self.step.columns())
             ranges = self.step.ranges()
             if ranges is not None:
-                set_range(self.live.figure.x_range, ranges[0])
-                set_range(self.live.figure.y_range, ranges[1])
+                self.live.move(ranges[0], ranges[1])
             self._say()
         if "theme" in changed:
             self.live.set_ink(self.session.theme == "dark")
@@ -125,8 +124,7 @@ class StoryLesson:
     def code(self) -> str:
         """Lines of Python that make the figure as it is now."""
         module, function, arguments = self.step.call()
-        ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in self.session.ensembles)
-        listed = f"ensembles = [\n{ensembles}\n]\n" if "ensembles" in arguments else ""
+        listed = ensembles_code(self.session.ensembles) if "ensembles" in arguments else ""
         stream = "from streamdash.config import StreamModel\n" if self.step.stream != StreamModel() else ""
         flyby = "from streamdash.engine.flyby import Flyby\n" if "Flyby(" in arguments else ""
         return (

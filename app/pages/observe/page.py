@@ -24,6 +24,7 @@ from app.pages.observe.parts import AssumptionControls
 from app.pages.observe.reading import Outcome, Reading, changes_of, file_of, question, read, trials
 from app.pages.observe.state import AUTO, LINKED, Upload
 from app.services.services import Unavailable
+from app.session.listing import ensembles_code
 from app.ui.browser import LiveText
 from app.ui.study import TaskControls
 from app.ui.upload import FileDrop
@@ -307,7 +308,6 @@ class ObservePage(Page):
         return json.dumps(self._ready().result, indent=1).encode()
 
     def _code(self) -> str:
-        ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in self.session.ensembles)
         example = self.session.example == "yes"
         file = "EXAMPLE" if example else 'Path("profile.csv")  # your table'
         lines = [
@@ -322,7 +322,7 @@ class ObservePage(Page):
             "from streamdash.store.cache import Cache",
             *(["from streamdash.survey.mock import EXAMPLE"] if example else []),
             "from streamdash.observe.verdict import judge, prepare\n",
-            f"cache = Cache.default()\nensembles = [\n{ensembles}\n]",
+            f"cache = Cache.default()\n{ensembles_code(self.session.ensembles).rstrip()}",
             f"file = {file}",
             f"assumptions = Assumptions.parse({self._ready().observation.assumptions.model_dump_json()!r})",
             "geometry = load_geometry(cache.find(ensembles[0]).config.stream, cache)",

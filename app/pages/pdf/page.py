@@ -10,7 +10,8 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
-from app.services.comparison import code_head, configs, set_range, shared_comparison
+from app.services.comparison import shared_comparison
+from app.session.listing import code_head
 from streamdash.plots import pdf
 from streamdash.plots.live import LiveFigure, export
 from streamdash.statistics.evidence import Comparison
@@ -32,7 +33,7 @@ class PdfPage(Page):
 
     def view(self) -> Viewable:
         self.data: Comparison = shared_comparison(self.services, self.session)
-        chosen = configs(self.session)
+        chosen = self.session.configs
         self.live = LiveFigure(pdf.draw(self.data, chosen, "bokeh", self.selected), ink=(pdf.SELECTED,))
         self.live_y = LiveFigure(pdf.draw_y(self.data, self.selected, chosen, "bokeh"))
         self.live.set_ink(self.session.theme == "dark")
@@ -44,8 +45,8 @@ class PdfPage(Page):
             "PDF of Qρ along a stream",
             self.live.figure,
             name="pdf",
-            image=lambda kind: export(pdf.draw(self.data, configs(self.session), "matplotlib"), kind),
-            table=lambda: pdf.table(self.data, configs(self.session)),
+            image=lambda kind: export(pdf.draw(self.data, self.session.configs, "matplotlib"), kind),
+            table=lambda: pdf.table(self.data, self.session.configs),
             code=self.code,
             legend=ui.legend(LEGEND, len(chosen)),
         )
@@ -54,7 +55,7 @@ class PdfPage(Page):
             self.live_y.figure,
             name="pdf-bin",
             image=lambda kind: export(self._y_figure(), kind),
-            table=lambda: pdf.y_table(self.data, self.selected, configs(self.session)),
+            table=lambda: pdf.y_table(self.data, self.selected, self.session.configs),
             code=self.code_y,
             legend=ui.legend((("band", "distribution of y_α, in class colour"),), len(chosen)),
         )
@@ -90,7 +91,7 @@ class PdfPage(Page):
         """Lines of Python that make the figure of PDF(Qρ) as it is now."""
         session = self.session
         return (
-            f"{code_head(session, 'pdf', 'pdf_figure')}"
+            f"{code_head(session.ensembles, 'pdf', 'pdf_figure')}"
             "figure = pdf_figure(\n"
             f"    Cache.default(), ensembles, noise={session.noise:g}, n_bin={session.n_bin}, "
             f'rules="{session.exclude}"\n'
@@ -102,7 +103,7 @@ class PdfPage(Page):
         """Lines of Python that make the figure of Π(y_α|M) as it is now."""
         session = self.session
         return (
-            f"{code_head(session, 'pdf', 'y_figure')}"
+            f"{code_head(session.ensembles, 'pdf', 'y_figure')}"
             "figure = y_figure(\n"
             f"    Cache.default(), ensembles, q={self.data.centers[self.selected]:.6g}, "
             f'noise={session.noise:g}, n_bin={session.n_bin}, rules="{session.exclude}"\n'
@@ -129,25 +130,23 @@ class PdfPage(Page):
             self.session.alpha = self.data.bin_at(place) + 1
         self.live.patch(pdf.columns(self.data, self.selected))
         ranges = pdf.frame(self.data)
-        set_range(self.live.figure.x_range, ranges["x"])
-        set_range(self.live.figure.y_range, ranges["y"])
+        self.live.move(ranges["x"], ranges["y"])
         self._patch_y()
 
     def _patch_y(self) -> None:
         self.live_y.patch(pdf.y_columns(self.data, self.selected))
         ranges = pdf.y_frame(self.data, self.selected)
-        set_range(self.live_y.figure.x_range, ranges["x"])
-        set_range(self.live_y.figure.y_range, ranges["y"])
+        self.live_y.move(ranges["x"], ranges["y"])
         self._say()
 
     def _say(self) -> None:
-        chosen = configs(self.session)
+        chosen = self.session.configs
         self.card.say(pdf.sentence(self.data, chosen))
         self.card_y.say(pdf.y_sentence(self.data, self.selected, chosen))
 
     def _y_figure(self) -> Any:
         title = f"α = {self.selected + 1}"
-        return pdf.draw_y(self.data, self.selected, configs(self.session), "matplotlib", title)
+        return pdf.draw_y(self.data, self.selected, self.session.configs, "matplotlib", title)
 
     def _listen(self) -> None:
         """Hear clicks on the figure, without keeping the page alive: Bokeh never forgets a listener."""

@@ -11,6 +11,7 @@ from app import ui
 from app.page import Page
 from app.services.services import Unavailable
 from app.session.catalog import Choice
+from app.session.listing import ensembles_code
 from app.session.session import OWN
 from streamdash.plots import profiles
 from streamdash.plots.live import LiveFigure, export
@@ -85,13 +86,12 @@ class ProfilesPage(Page):
         session = self.session
         chosen = [session.ensembles[index] for index in sorted({panel.index for panel in self.panels})]
         axis = frame_of(chosen[0]).longitude if session.x == OWN else session.x
-        ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in chosen)
         return (
             "from pathlib import Path\n\n"
             "from streamdash.plots.live import export\n"
             "from streamdash.plots.profiles import profiles_figure\n"
             "from streamdash.store.cache import Cache\n\n"
-            f"ensembles = [\n{ensembles}\n]\n"
+            f"{ensembles_code(chosen)}"
             "figure = profiles_figure(\n"
             "    Cache.default(),\n"
             "    ensembles,\n"

@@ -10,9 +10,10 @@ from panel.viewable import Viewable
 from app import ui
 from app.page import Page
 from app.pages.spectrum.parts import STYLE, statements_html, statistics_study
-from app.services.comparison import code_head, noisy_profiles
+from app.services.comparison import noisy_profiles
 from app.services.services import Services
 from app.session.catalog import Choice
+from app.session.listing import code_head, ensembles_code
 from app.session.session import Session
 from app.ui.study import StudyCard
 from app.work.later import Later
@@ -141,12 +142,11 @@ class SpectrumPage(Page):
 
     def code_bispectrum(self) -> str:
         """Lines of Python that compute the bispectra as they are now."""
-        keys = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in self.choices)
         return (
             "from streamdash.statistics.bispectrum import bispectrum\n"
             "from streamdash.store.cache import Cache\n"
             "from streamdash.survey.observed import ObservedStreams\n\n"
-            f"ensembles = [\n{keys}\n]\n"
+            f"{ensembles_code(self.choices)}"
             "streams = ObservedStreams.read(Cache.default(), ensembles)\n"
             f"for q in streams.noisy({self.session.noise:g}):\n"
             "    found = bispectrum(q, streams.design.step)\n"
@@ -155,7 +155,7 @@ class SpectrumPage(Page):
 
     def _listing(self, kind: str) -> str:
         return (
-            f"{code_head(self.session, 'spectrum', 'spectrum_figure', self.choices)}"
+            f"{code_head(self.choices, 'spectrum', 'spectrum_figure')}"
             f'figure = spectrum_figure(Cache.default(), ensembles, "{kind}", noise={self.session.noise:g})\n'
             f'Path("spectrum-{kind}.png").write_bytes(export(figure, "png"))\n'
         )

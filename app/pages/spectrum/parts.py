@@ -10,6 +10,7 @@ from markupsafe import Markup
 from app import ui
 from app.pages.classifier.parts import STYLE as STATISTICS_STYLE
 from app.services.services import Services
+from app.session.listing import ensembles_code
 from app.session.session import Session
 from app.ui.study import Study
 from app.work.tasks import Compute
@@ -89,7 +90,6 @@ def statistics_study(services: Services, session: Session) -> Study:
         )
 
     def code() -> str:
-        ensembles = "\n".join(f'    "{choice.key}",  # {choice.label}' for choice in session.ensembles)
         return (
             "from pathlib import Path\n\n"
             "from streamdash.plots.live import export\n"
@@ -97,7 +97,7 @@ def statistics_study(services: Services, session: Session) -> Study:
             "from streamdash.paper.statistics import compare_statistics\n"
             "from streamdash.store.cache import Cache\n"
             "from streamdash.survey.observed import ObservedStreams\n\n"
-            f"ensembles = [\n{ensembles}\n]\n"
+            f"{ensembles_code(session.ensembles)}"
             "streams = ObservedStreams.read(Cache.default(), ensembles)\n"
             f"rows = compare_statistics(streams, {session.noise:g})\n"
             'Path("statistics.png").write_bytes(export(draw_statistics(rows, "matplotlib"), "png"))\n'
