@@ -12,15 +12,15 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
-from app.pages.observe.answer import (
+from app.pages.observe.parts import (
     STYLE,
+    AssumptionControls,
     answer_html,
     list_html,
     numbers_html,
     preview_html,
     robustness_html,
 )
-from app.pages.observe.parts import AssumptionControls
 from app.pages.observe.reading import Outcome, Reading, changes_of, file_of, question, read, trials
 from app.pages.observe.state import AUTO, LINKED, Upload
 from app.services.services import Unavailable

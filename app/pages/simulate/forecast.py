@@ -24,15 +24,15 @@ from streamdash.survey.bands import Bands, bin_angles, compute
 from streamdash.words import is_or_are, number_of
 
 PREVIEWED = 5
+"""Streams shown before the start, and highlighted afterwards."""
 FEWEST_FOR_BAND = 30
 """Of fewer streams no band of 68 % is drawn: its ends would be single streams."""
-"""Streams shown before the start, and highlighted afterwards."""
 SHOWN_MAX = 2000
 """Streams that the figure shows while more are being computed."""
 
 
 @dataclass(frozen=True)
-class Outlook:
+class Forecast:
     """What is known of a configuration without computing its ensemble.
 
     Attributes
@@ -53,7 +53,7 @@ class Outlook:
     impacts: tuple[float, ...] = ()
 
 
-def look_ahead(services: Services, config: EnsembleConfig) -> Outlook:
+def look_ahead(services: Services, config: EnsembleConfig) -> Forecast:
     """Expected impacts, time and first streams; takes about a second, or some where a geometry is missing.
 
     Raises
@@ -77,7 +77,7 @@ def look_ahead(services: Services, config: EnsembleConfig) -> Outlook:
     finished = cache.open_finished(covering.key if covering else config.key, SHOWN_MAX)
     if finished is not None:  # a larger ensemble may have more
         finished = finished.isel(stream=finished.stream.values < config.n_streams)
-    return Outlook(
+    return Forecast(
         config,
         glimpse,
         0.0 if geometry is not None else _geometry_seconds(services, config),
@@ -147,19 +147,19 @@ def words_coarse(config: EnsembleConfig, found: Sequence[Preview], panels: Seque
     )
 
 
-def words_before(outlook: Outlook, workers: int) -> str:
+def words_before(forecast: Forecast, workers: int) -> str:
     """What starting would mean: impacts, time, what is there already."""
-    config, glimpse = outlook.config, outlook.preview
+    config, glimpse = forecast.config, forecast.preview
     words = [f"{glimpse.impacts_per_stream:.4g} impacts are expected per stream."]
-    if outlook.covering is not None:
-        total = outlook.covering.n_total
+    if forecast.covering is not None:
+        total = forecast.covering.n_total
         among = f", the first of {total}" if total != config.n_streams else ""
         every = "The one stream is" if config.n_streams == 1 else f"All {config.n_streams} streams are"
         return f"{words[0]} {every} in the cache{among}: nothing has to be computed."
-    missing = config.n_streams - outlook.n_done
-    if outlook.geometry_s:
+    missing = config.n_streams - forecast.n_done
+    if forecast.geometry_s:
         times = len(config.stream.impact_times_gyr)
-        about = "" if np.isnan(outlook.geometry_s) else f", about {duration(outlook.geometry_s)}"
+        about = "" if np.isnan(forecast.geometry_s) else f", about {duration(forecast.geometry_s)}"
         words.append(
             f"The geometry of this stream is not in the cache: it is computed first, {times} impact "
             f"times{about}, and kept for every later simulation of this stream."
@@ -171,29 +171,29 @@ def words_before(outlook: Outlook, workers: int) -> str:
             f"{duration(seconds)} on {number_of(workers, 'worker')} "
             f"({1e3 * glimpse.seconds_per_stream:.0f} ms each)."
         )
-    elif not outlook.geometry_s:
+    elif not forecast.geometry_s:
         words.append("So many impacts make a stream too slow for a preview.")
-    if outlook.n_done:
-        done = f"{outlook.n_done} of {config.n_streams} {is_or_are(outlook.n_done)}"
+    if forecast.n_done:
+        done = f"{forecast.n_done} of {config.n_streams} {is_or_are(forecast.n_done)}"
         words.append(f"{done} finished already and kept.")
     return " ".join(words)
 
 
-def words_curves(outlook: Outlook, panel: Bands) -> str:
+def words_curves(forecast: Forecast, panel: Bands) -> str:
     """What the figure shows now."""
     along = "density relative to the smooth stream, Qρ, along the parallel angle θ∥"
-    if outlook.finished is None:
+    if forecast.finished is None:
         first = number_of(len(panel.streams), "stream")
         return f"The {along}, of the first {first}, as they will be simulated; too few for a band."
-    count = outlook.finished.sizes["stream"]
+    count = forecast.finished.sizes["stream"]
     if count < FEWEST_FOR_BAND:
         return (
-            f"{number_of(count, 'finished stream')} of {outlook.config.n_streams}: {along}. Too few for a "
+            f"{number_of(count, 'finished stream')} of {forecast.config.n_streams}: {along}. Too few for a "
             f"band: it is drawn from {FEWEST_FOR_BAND} on."
         )
     half = float(np.mean(panel.high - panel.low)) / 2
     return (
-        f"{number_of(count, 'finished stream')} of {outlook.config.n_streams}: {along}. The band that holds "
+        f"{number_of(count, 'finished stream')} of {forecast.config.n_streams}: {along}. The band that holds "
         f"68 % of them has a half-width of {half:.2g}, averaged along the stream."
     )
 

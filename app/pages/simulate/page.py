@@ -14,7 +14,7 @@ from panel.viewable import Viewable
 from app import ui
 from app.page import Page
 from app.pages.simulate.forecast import (
-    Outlook,
+    Forecast,
     coarse_previews,
     look_ahead,
     n_workers,
@@ -62,7 +62,7 @@ class SimulatePage(Page):
     def view(self) -> Viewable:
         self.config: EnsembleConfig | None = None
         self.configs: tuple[EnsembleConfig, ...] = ()
-        self.outlooks: tuple[Outlook, ...] = ()
+        self.forecasts: tuple[Forecast, ...] = ()
         self.panels: list[Bands] = []
         self.lives: list[LiveFigure] = []
         self.watch = Watch(self._show_coarse)
@@ -71,7 +71,7 @@ class SimulatePage(Page):
         self._drawn = -math.inf
         self._seen = -1
         self._timer: Any = None
-        self.later = Later(self.services, self._show_outlook, self._fail)
+        self.later = Later(self.services, self._show_forecasts, self._fail)
         self.components = Components(lambda texts: self.session.param.update(**texts))
         self.progress = Progress(self.start, self.cancel, self.see_profiles, self.preview)
         self.caveats = pn.Column(sizing_mode=ui.WIDE, margin=0)
@@ -215,8 +215,8 @@ class SimulatePage(Page):
         """
         found = []
         for config in self.configs:
-            status, outlook = self.services.jobs.find(config.key), self._outlook(config)
-            there = outlook is not None and outlook.covering
+            status, forecast = self.services.jobs.find(config.key), self._forecast(config)
+            there = forecast is not None and forecast.covering
             if status is not None and not (there and status.state in ("cancelled", "failed")):
                 found.append(status)
         order = ("running", "geometry", "stopping", "elsewhere", "waiting", "failed", "cancelled", "done")
@@ -226,8 +226,8 @@ class SimulatePage(Page):
         """Of both arms, which one a configuration is, to begin a sentence with."""
         return f"{config.stream.arm.capitalize()} arm: " if len(self.configs) > 1 else ""
 
-    def _outlook(self, config: EnsembleConfig) -> Outlook | None:
-        return next((outlook for outlook in self.outlooks if outlook.config == config), None)
+    def _forecast(self, config: EnsembleConfig) -> Forecast | None:
+        return next((forecast for forecast in self.forecasts if forecast.config == config), None)
 
     def _stream_key(self) -> str:
         """Key in the catalog of the stream shown; of both arms, theirs together."""
@@ -235,13 +235,13 @@ class SimulatePage(Page):
 
     def _shows(self, status: JobStatus) -> bool:
         """Whether the figure has all streams that an active job has finished."""
-        outlook = self._outlook(status.config)
-        return outlook is not None and outlook.n_done == status.done and status.active
+        forecast = self._forecast(status.config)
+        return forecast is not None and forecast.n_done == status.done and status.active
 
     def _complete_key(self) -> str | None:
         """Key of the ensemble in the catalog that holds the streams of the configuration shown."""
-        known = [outlook for outlook in map(self._outlook, self.configs) if outlook is not None]
-        there = [outlook.covering.key for outlook in known if outlook.covering is not None]
+        known = [forecast for forecast in map(self._forecast, self.configs) if forecast is not None]
+        there = [forecast.covering.key for forecast in known if forecast.covering is not None]
         stream = self.session.catalog.stream(self._stream_key()) if self.configs else None
         if stream is None or len(there) < len(self.configs):
             return None
@@ -278,29 +278,29 @@ class SimulatePage(Page):
         self._asked, self._waiting = about, True
         self.later.ask(lambda: tuple(look_ahead(services, config) for config in configs), rest_s)
 
-    def _show_outlook(self, outlooks: tuple[Outlook, ...]) -> None:
+    def _show_forecasts(self, forecasts: tuple[Forecast, ...]) -> None:
         self._waiting = False
         self._drawn = time.monotonic()
-        self.outlooks = outlooks
-        same = tuple(outlook.config for outlook in outlooks) == self.configs
+        self.forecasts = forecasts
+        same = tuple(forecast.config for forecast in forecasts) == self.configs
         if same:
-            self.components.expect([outlook.impacts for outlook in outlooks])
+            self.components.expect([forecast.impacts for forecast in forecasts])
         status = self._status()
         if status is None or status.state == "done":
-            can = any(outlook.covering is None for outlook in outlooks)
-            resume = can and any(outlook.covering is None and outlook.n_done > 0 for outlook in outlooks)
+            can = any(forecast.covering is None for forecast in forecasts)
+            resume = can and any(forecast.covering is None and forecast.n_done > 0 for forecast in forecasts)
             workers = n_workers(self.services)
-            words = [self._which(one.config) + words_before(one, workers) for one in outlooks]
+            words = [self._which(one.config) + words_before(one, workers) for one in forecasts]
             self.progress.announce(" ".join(words), can, resume)
-        lacking = any(outlook.geometry_s for outlook in outlooks)
+        lacking = any(forecast.geometry_s for forecast in forecasts)
         self.progress.coarse.visible = bool(same and lacking and self.services.jobs.limits.max_jobs)
         if self.watch.following is None or not lacking:
-            panels = [panel_of(one.config, one.preview.streams, one.finished) for one in outlooks]
+            panels = [panel_of(one.config, one.preview.streams, one.finished) for one in forecasts]
             shown = [panel for panel in panels if panel is not None]
             self._draw(shown)
             if shown:
                 pairs = [
-                    (one, panel) for one, panel in zip(outlooks, panels, strict=True) if panel is not None
+                    (one, panel) for one, panel in zip(forecasts, panels, strict=True) if panel is not None
                 ]
                 words = [self._which(one.config) + words_curves(one, panel) for one, panel in pairs]
                 self.card.say(" ".join(words))
