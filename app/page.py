@@ -36,8 +36,8 @@ class Page:
     needs_ensembles: ClassVar[bool] = True
     """Whether the page has nothing to show while the cache holds no complete ensemble."""
 
-    takes_both_arms: ClassVar[bool] = False
-    """Whether the page can show both arms of a stream together."""
+    one_arm: ClassVar[str] = ""
+    """Why the page takes the arms of a stream one by one, and what to do; empty where it takes both."""
 
     def __init__(self, session: Session, services: Services) -> None:
         self.session = session

@@ -111,8 +111,8 @@ class Shell:
             return
         stream = self.session.catalog.stream(self.session.stream)
         if wanted.needs_ensembles and stream is not None:
-            if stream.arms and not wanted.takes_both_arms:
-                slot[:] = [ui.one_arm(stream, self.session.choose_stream)]
+            if stream.arms and wanted.one_arm:
+                slot[:] = [ui.one_arm(stream, wanted.one_arm, self.session.choose_stream)]
                 return
             slot.append(ui.stream_caveats(stream.model))
         page = self.page = wanted(self.session, self.services)

@@ -8,7 +8,7 @@ from typing import Any
 
 from streamdash.config import EnsembleConfig, StreamModel
 from streamdash.naming import differences, population_text
-from streamdash.streams import both_arms_text, stream_of, stream_text
+from streamdash.streams import STREAM_NAMES, both_arms_text, stream_of, stream_text
 
 CLASSES_MIN, CLASSES_MAX = 2, 4
 """Fewest and most mass ranges compared at once."""
@@ -44,6 +44,16 @@ class Stream:
     arms: tuple[Stream, ...] = ()
     """Each arm by itself, where this is both; empty for one arm."""
 
+    @property
+    def token(self) -> str:
+        """Short name in links: of a named stream ``pal5``, ``pal5-leading``, ``pal5-both``; else the key."""
+        named = stream_of(self.model)
+        if named.arms.get(self.model.arm) != self.model or named.name not in STREAM_NAMES:
+            return self.key
+        if self.arms:
+            return f"{named.name}-both"
+        return named.name if self.model.arm == named.default_arm else f"{named.name}-{self.model.arm}"
+
     def find(self, token: str) -> Choice | None:
         """The ensemble of a link's token, of a cache key, or of its first eight digits or more."""
         for choice in self.ensembles:
@@ -67,10 +77,10 @@ class Catalog:
     """Ensembles that were begun and can be resumed."""
 
     def stream(self, key: str) -> Stream | None:
-        """The stream model of a key; the first one for an empty key."""
+        """The stream model of a key, or of a link's short name; the first one for an empty key."""
         if not key:
             return self.streams[0] if self.streams else None
-        return next((s for s in self.streams if s.key == key), None)
+        return next((s for s in self.streams if key in (s.key, s.token)), None)
 
 
 def read_catalog(entries: Iterable[Any]) -> Catalog:

@@ -18,7 +18,7 @@ from app.pages.infer.state import InferState
 from app.pages.learn.state import LearnState
 from app.pages.observe.state import ObserveState
 from app.pages.simulate.state import SimulateState
-from app.session.catalog import CLASSES_MAX, CLASSES_MIN, Catalog, Choice
+from app.session.catalog import CLASSES_MAX, CLASSES_MIN, Catalog, Choice, Stream
 from app.session.fields import Decimal, Field, OneOf, Whole, check_word, fields_of
 from streamdash.config import EnsembleConfig
 from streamdash.plots.style import COORDINATE_LABELS
@@ -83,9 +83,9 @@ class Session(LearnState, ObserveState, InferState, ConvergenceState, SimulateSt
         return [choice.config for choice in self.ensembles]
 
     def load(self, search: str) -> None:
-        """Take over a URL's query; what is missing or wrong becomes the default."""
+        """Take over a URL's query; what is missing or wrong becomes the default of its stream."""
         values, problems = read_query(search, self.pages, self.catalog)
-        defaults = {name: field.default for name, field in FIELDS.items()}
+        defaults = defaults_of(self.catalog.stream(values["stream"]))
         self.param.update(**{**defaults, "page": "", **values, "problems": problems})
 
     def refresh(self, catalog: Catalog) -> None:
@@ -120,15 +120,26 @@ class Session(LearnState, ObserveState, InferState, ConvergenceState, SimulateSt
         if stream is None:
             return
         values: dict[str, Any] = {"stream": key, "mass": [c.key for c in stream.default()]}
-        bins = bins_of(stream.model)
-        values["x"] = "ell" if bins.coordinate == "ell" else OWN
-        if before is not None and self.noise == bins_of(before.model).noise:
-            values["noise"] = bins.noise
-        self.param.update(**values)
+        own = looks_of(stream)
+        if before is not None and self.noise != looks_of(before)["noise"]:
+            del own["noise"]
+        self.param.update(**values, **own)
 
 
 FIELDS: dict[str, Field] = fields_of(Session)
 """Choices that can be checked alone; ``page``, ``stream`` and ``mass`` need to know what exists."""
+
+
+def looks_of(stream: Stream) -> dict[str, Any]:
+    """How a stream is looked at unless asked otherwise: the axis that it lies along, and its noise."""
+    bins = bins_of(stream.model)
+    return {"x": "ell" if bins.coordinate == "ell" else OWN, "noise": bins.noise}
+
+
+def defaults_of(stream: Stream | None) -> dict[str, Any]:
+    """What links to a stream need not say."""
+    plain = {name: field.default for name, field in FIELDS.items()}
+    return plain | (looks_of(stream) if stream is not None else {})
 
 
 def read_query(search: str, pages: tuple[str, ...], catalog: Catalog) -> tuple[dict[str, Any], list[str]]:
@@ -188,7 +199,7 @@ def _split(search: str) -> tuple[dict[str, str], list[str]]:
     return given, problems
 
 
-def _read_mass(text: str | None, stream, problems: list[str]) -> list[str]:
+def _read_mass(text: str | None, stream: Stream, problems: list[str]) -> list[str]:
     default = [c.key for c in stream.default()]
     if text is None:
         return default
@@ -220,13 +231,13 @@ def write_query(session: Session) -> str:
     stream = session.catalog.stream(session.stream)
     if stream is not None:
         if stream.key != session.catalog.streams[0].key:
-            query["stream"] = stream.key
+            query["stream"] = stream.token
         if [c.key for c in session.ensembles] != [c.key for c in stream.default()]:
             query["mass"] = ",".join(c.token for c in session.ensembles)
-    for name, field in FIELDS.items():
+    for name, default in defaults_of(stream).items():
         value = getattr(session, name)
-        if value != field.default:
-            query[name] = field.write(value)
+        if value != default:
+            query[name] = FIELDS[name].write(value)
     return f"?{urlencode(query, safe=',~')}" if query else ""
 
 
@@ -234,10 +245,7 @@ def link_to(session: Session, **changes: Any) -> str:
     """Query of a session's view with some of its choices changed."""
     query = dict(parse_qsl(write_query(session).lstrip("?")))
     for name, value in changes.items():
-        query.pop(name, None)
-        default = session.pages[0] if name == "page" else FIELDS[name].default
-        if value != default:
-            query[name] = value if name == "page" else FIELDS[name].write(value)
+        query[name] = value if name == "page" else FIELDS[name].write(value)
     other = Session(session.pages, session.catalog)
     other.load(urlencode(query))
     return other.search  # as the address bar will have it

@@ -19,6 +19,7 @@ from app.ui.text import caption, plain_text
 from streamdash.config import StreamModel
 from streamdash.naming import class_colour
 from streamdash.plots.style import noise_label
+from streamdash.streams import stream_of
 
 SLIDER_DELAY = 10
 """Milliseconds in which moves of one slider are gathered; Panel's 50 are a third of our budget."""
@@ -100,14 +101,14 @@ def stream_picker(page: Page) -> pn.widgets.Select:
     return widget
 
 
-def one_arm(stream: Stream, choose: Callable[[str], Any]) -> Viewable:
-    """What a page shows in its place that takes one arm of a stream: which would you like?"""
+def one_arm(stream: Stream, words: str, choose: Callable[[str], Any]) -> Viewable:
+    """What a page shows in its place that takes one arm of a stream: why, and which would you like?"""
     buttons = [
         button(arm.label, partial(choose, arm.key), css_classes=[f"sd-arm-{arm.model.arm}"])
         for arm in stream.arms
     ]
-    words = "This page shows one arm of a stream at a time; choose which."
-    return pn.Column(plain_text(words, margin=(8, 10)), controls(*buttons), sizing_mode=WIDE, margin=(8, 16))
+    chosen = plain_text(f"Both arms of {stream_of(stream.model).title} are chosen. {words}", margin=(8, 10))
+    return pn.Column(chosen, controls(*buttons), sizing_mode=WIDE, margin=(8, 16))
 
 
 def ensemble_picker(page: Page) -> Viewable:

@@ -32,7 +32,6 @@ class ClassifierPage(Page):
 
     key, title = "classifier", "Classifier"
     uses = frozenset({"noise", "preset", "n_pca", "features", "depth", "trees", "cell", "theme"})
-    takes_both_arms = True
 
     def view(self) -> Viewable:
         try:

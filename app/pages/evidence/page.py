@@ -37,7 +37,6 @@ class EvidencePage(Page):
 
     key, title = "evidence", "Evidence"
     uses = frozenset({"noise", "n_bin", "fiducial", "exclude", "theme"})
-    takes_both_arms = True
 
     def view(self) -> Viewable:
         self.data = shared_comparison(self.services, self.session)

@@ -23,7 +23,7 @@ from app.work.later import Later
 from app.work.tasks import Task, Watch
 from streamdash.config import StreamModel
 from streamdash.inference.methods import shipped_methods
-from streamdash.streams import stream_of
+from streamdash.streams import stream_of, stream_text
 from streamdash.survey.design import Design
 
 BLANK: dict[str, Any] = {"columns": {}, **dict.fromkeys(LINKED.values(), AUTO)}
@@ -36,6 +36,11 @@ class InferPage(Page):
     """Choose stream, prior and data; read off what the data say, and what would change it."""
 
     key, title = "infer", "Infer"
+    one_arm = (
+        "One population hit both, and each arm has impacts of its own: what both say is the product of what "
+        "each says. Choose an arm, press “Put aside, to join” at its answer, and do the same with the other: "
+        "“Several streams together” multiplies them."
+    )
     uses = FILE | {"theme", *(f"infer_{name}" for name in CHOICES)}
 
     def view(self) -> Viewable:
@@ -200,7 +205,7 @@ class InferPage(Page):
     def put_aside(self) -> None:
         """Keep the answer, to be joined with those of other streams."""
         found = self.cards.ready()
-        name = f"{stream_of(found.oracle.estimator.stream).title}, {found.data.name}"
+        name = f"{stream_text(self.model)}, {found.data.name}"
         if self.session.infer_window != "whole":
             name += f", {self.session.infer_window} half"
         self.joined.put_aside(name, found.posterior)

@@ -23,6 +23,10 @@ class LearnPage(Page):
     """One of three lessons at a time."""
 
     key, title = "learn", "Learn"
+    one_arm = (
+        "A lesson follows one stream of stars from its progenitor to its end, so it needs one arm: choose "
+        "which. Both are seen side by side on Profiles and Spectrum."
+    )
     uses = STORY_USES | FLYBY_USES | QUIZ_USES | {"lesson"}
 
     def view(self) -> Viewable:

@@ -55,6 +55,11 @@ class ObservePage(Page):
     """Choose a file, see what it was taken for, change that, and have it classified."""
 
     key, title = "observe", "Observe"
+    one_arm = (
+        "A file here is of one arm and is classified with streams of that arm alone: choose the arm that was "
+        "measured, and where both were, ask for one after the other. What two arms say together is on the "
+        "Infer page; how well simulated ones are told apart by both, on PDF, Evidence and Classifier."
+    )
     uses = frozenset({"example", "upload", "columns", "theme", *LINKED.values()})
 
     def view(self) -> Viewable:

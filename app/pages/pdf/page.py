@@ -29,7 +29,6 @@ class PdfPage(Page):
 
     key, title = "pdf", "PDF"
     uses = frozenset({"noise", "n_bin", "alpha", "exclude", "theme"})
-    takes_both_arms = True
 
     def view(self) -> Viewable:
         self.data: Comparison = shared_comparison(self.services, self.session)

@@ -42,7 +42,6 @@ class ProfilesPage(Page):
 
     key, title = "profiles", "Profiles"
     uses = frozenset({"noise", "x", "y", "highlight", "seed", "theme"})
-    takes_both_arms = True
 
     def view(self) -> Viewable:
         self.live: dict[int, LiveFigure] = {}

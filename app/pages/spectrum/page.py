@@ -42,7 +42,6 @@ class SpectrumPage(Page):
 
     key, title = "spectrum", "Spectrum"
     uses = frozenset({"noise", "theme"})
-    takes_both_arms = True
 
     def __init__(self, session: Session, services: Services, arm: int | None = None) -> None:
         super().__init__(session, services)
