@@ -45,6 +45,8 @@ class CompiledIsochroneApprox(actionAngleIsochroneApprox):  # type: ignore[misc]
 
     tolerance: float | None = None
     """Relative and absolute error of the integration; galpy's 10⁻¹² when None."""
+    one_sided: bool = False
+    """Whether derivatives are taken on one side only: half the orbits, and off by some 10⁻⁴."""
     _last: tuple[np.ndarray, np.ndarray] | None = None
     _slopes: np.ndarray | None = None
 
@@ -74,17 +76,24 @@ class CompiledIsochroneApprox(actionAngleIsochroneApprox):  # type: ignore[misc]
         if not away.any():
             return self._last[1]
         if self._slopes is None:
-            self._slopes = self.derivatives(self._last[0])
+            self._slopes = self.derivatives(*self._last)
         return self._last[1] + self._slopes @ away
 
-    def derivatives(self, point: np.ndarray) -> np.ndarray:
-        """Derivatives (9, 6) of actions, frequencies and angles with respect to R, vR, vT, z, vz, φ."""
+    def derivatives(self, point: np.ndarray, values: np.ndarray | None = None) -> np.ndarray:
+        """Derivatives (9, 6) of actions, frequencies and angles with respect to R, vR, vT, z, vz, φ.
+
+        `values` are those of the point (9,), which save an orbit where they are `one_sided`.
+        """
         steps = STEP * np.eye(6)[:5]
-        rise = self.evaluate(np.concatenate([point + steps, point - steps]))
-        rise = rise[:5] - rise[5:]
+        if self.one_sided:
+            before = self.evaluate(point[None])[0] if values is None else values
+            rise, interval = self.evaluate(point + steps) - before, STEP
+        else:
+            both = self.evaluate(np.concatenate([point + steps, point - steps]))
+            rise, interval = both[:5] - both[5:], 2 * STEP
         rise[:, 6:] = (rise[:, 6:] + math.pi) % TWO_PI - math.pi
         slopes = np.zeros((9, 6))
-        slopes[:, :5] = rise.T / (2 * STEP)
+        slopes[:, :5] = rise.T / interval
         slopes[7, 5] = 1.0  # around the axis everything turns together
         return slopes
 

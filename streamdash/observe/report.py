@@ -29,6 +29,7 @@ from streamdash.observe.wording import (
     strange_share,
     would_change,
 )
+from streamdash.streams import stream_of
 from streamdash.words import NEAR_PROGENITOR, PROGENITOR_WORDS, number_of
 
 DECIDED = 0.75
@@ -323,8 +324,8 @@ def caveats(observation: Observation, prepared: Prepared) -> list[str]:
     return [
         f"The answer is about {NAMES[design.coordinate]} from {design.low[0]:.1f}° to "
         f"{design.high[-1]:.1f}° only.",
-        "The model is a GD-1-like stream, not GD-1: a smooth potential, a progenitor at one end, one age; "
-        "the measured stream has a history of its own.",
+        *stream_of(prepared.streams.configs[0].stream).caveats,
+        "The measured stream has a history of its own, which no model of it knows.",
         "Only dark perturbers of the compared mass ranges at the rates simulated are considered; molecular "
         "clouds, spiral arms, the bar and globular clusters also make gaps and are not modelled.",
         f"All classes are taken to be equally likely beforehand{simulated}; mixtures are not considered.",

@@ -12,7 +12,7 @@ from streamdash.config import StreamModel
 from streamdash.engine.flyby import Film, Flyby, kick_along_stream
 from streamdash.plots.elements import framed, level_lines, line, nice_top, points
 from streamdash.plots.live import Backend, use
-from streamdash.plots.style import COORDINATE_LABELS, INK, rising_alpha
+from streamdash.plots.style import INK, coordinate_label, rising_alpha
 from streamdash.simulation.geometry import load_geometry
 from streamdash.store.cache import Cache
 from streamdash.survey.flyby import Scene, Seen, make_film, see, struck
@@ -207,12 +207,12 @@ def draw_seen(seen: Seen, backend: Backend) -> hv.Overlay:
     use(backend)
     parts = [
         level_lines("one", [1.0], backend),
-        points(NOISY, seen.ell, seen.noisy, GREY, backend, size=4),
-        line(CLEAN, seen.ell, seen.clean, INK["light"], backend),
-        line(ALONE, seen.ell, seen.alone, HAND_COLOUR, backend, dashed=True),
+        points(NOISY, seen.position, seen.noisy, GREY, backend, size=4),
+        line(CLEAN, seen.position, seen.clean, INK["light"], backend),
+        line(ALONE, seen.position, seen.alone, HAND_COLOUR, backend, dashed=True),
     ]
-    x = (float(seen.ell.min()), float(seen.ell.max()))
-    return framed(parts, COORDINATE_LABELS["ell"], "Qρ = ρ / ρ̄", x, seen_range(seen), backend)
+    x = (float(seen.position.min()), float(seen.position.max()))
+    return framed(parts, coordinate_label(seen.coordinate), "Qρ = ρ / ρ̄", x, seen_range(seen), backend)
 
 
 def seen_range(seen: Seen) -> tuple[float, float]:
@@ -223,7 +223,7 @@ def seen_range(seen: Seen) -> tuple[float, float]:
 def seen_columns(seen: Seen) -> dict[str, dict[str, Any]]:
     """Arrays of `draw_seen`, for `LiveFigure.patch`."""
     values = {NOISY: seen.noisy, CLEAN: seen.clean, ALONE: seen.alone}
-    return {label: {"x": seen.ell, "y": y} for label, y in values.items()}
+    return {label: {"x": seen.position, "y": y} for label, y in values.items()}
 
 
 def _lower(overlay: hv.Overlay, backend: Backend) -> hv.Overlay:

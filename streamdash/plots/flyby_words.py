@@ -10,6 +10,7 @@ from streamdash.engine.flyby import Film, Flyby, flyby_impacts
 from streamdash.engine.galpy_streams import V0_KMS, time_unit_gyr
 from streamdash.engine.geometry import TABLE_STEP, Geometry
 from streamdash.naming import MASS_UNIT, SUPERSCRIPT
+from streamdash.plots.style import coordinate_symbol
 from streamdash.survey.flyby import Scene, Seen
 
 FLAT = 0.005
@@ -40,7 +41,7 @@ def seen_table(seen: Seen) -> pd.DataFrame:
     """Today's profile per bin."""
     return pd.DataFrame(
         {
-            "ell_deg": seen.ell,
+            f"{seen.coordinate}_deg": seen.position,
             "q_rho": seen.clean,
             "q_rho_noisy": seen.noisy,
             "q_rho_in_hand_alone": seen.alone,
@@ -136,7 +137,8 @@ def seen_sentence(seen: Seen) -> str:
     """What is seen today."""
     deepest = int(np.argmin(seen.clean))
     depth = 1 - float(seen.clean[deepest])
-    words = f"Without noise the deepest bin, at ℓ = {seen.ell[deepest]:.1f}°, is {depth:.2g} below Qρ = 1"
+    where = f"{coordinate_symbol(seen.coordinate)} = {seen.position[deepest]:.1f}°"
+    words = f"Without noise the deepest bin, at {where}, is {depth:.2g} below Qρ = 1"
     if seen.noise > 0:
         words += f": {depth / seen.noise:.2g} times the shot noise σ_ε = {seen.noise:g} of one bin"
     if seen.n_impacts == 1:

@@ -15,7 +15,7 @@ from streamdash.config import EnsembleConfig
 from streamdash.naming import class_colour, class_labels
 from streamdash.plots.elements import framed, level_lines, line, nice_top, points, step_line
 from streamdash.plots.live import Backend, use
-from streamdash.plots.style import COORDINATE_LABELS, INK
+from streamdash.plots.style import INK, coordinate_label
 from streamdash.store.cache import Cache
 from streamdash.survey.observed import ObservedStreams
 
@@ -33,7 +33,9 @@ class Round:
 
     Attributes
     ----------
-    ell : (n_bin,) array, deg
+    position : (n_bin,) array, deg
+        Middle of every bin in `coordinate`.
+    coordinate : str
     observed, clean : (n_bin,) arrays
         Qρ with and without noise.
     truth : int
@@ -45,7 +47,8 @@ class Round:
     noise : float
     """
 
-    ell: np.ndarray
+    position: np.ndarray
+    coordinate: str
     observed: np.ndarray
     clean: np.ndarray
     truth: int
@@ -90,7 +93,7 @@ def clue_figure(
     row = int(draw_rounds(streams, sets, game)[number - 1])
     clue = find_clue(learn(streams, sets, noise), streams.observed(noise)[row], int(streams.y[row]))
     # Plot
-    return draw_clue(clue, _degrees(streams.centers), backend)
+    return draw_clue(clue, streams.design.step, backend)
 
 
 def make_round(streams: ObservedStreams, observed: np.ndarray, row: int, noise: float) -> Round:
@@ -98,7 +101,10 @@ def make_round(streams: ObservedStreams, observed: np.ndarray, row: int, noise: 
     truth, index = (int(part) for part in streams.locate(np.array(row)))
     n_impacts = int(streams.n_impacts[truth][index]) if streams.n_impacts else 0
     names = tuple(class_labels(streams.configs))
-    return Round(streams.centers, observed[row], streams.clean[row], truth, n_impacts, names, noise)
+    design = streams.design
+    return Round(
+        design.centers, design.coordinate, observed[row], streams.clean[row], truth, n_impacts, names, noise
+    )
 
 
 # ---------------------------------------------------------------- plot
@@ -116,18 +122,18 @@ def draw_round(shown: Round, average: int, reveal: bool, backend: Backend) -> hv
     for i in range(len(shown.names)):
         label = TRUTH.format(i)
         parts.append(line(label, data[label]["x"], data[label]["y"], class_colour(i), backend))
-    x = (float(shown.ell.min()), float(shown.ell.max()))
-    return framed(parts, COORDINATE_LABELS["ell"], "Qρ = ρ / ρ̄", x, RANGE, backend)
+    x = (float(shown.position.min()), float(shown.position.max()))
+    return framed(parts, coordinate_label(shown.coordinate), "Qρ = ρ / ρ̄", x, RANGE, backend)
 
 
 def round_columns(shown: Round, average: int, reveal: bool) -> dict[str, dict[str, np.ndarray]]:
     """Arrays of `draw_round`, for `LiveFigure.patch`."""
-    nothing = np.full(len(shown.ell), np.nan)
+    nothing = np.full(len(shown.position), np.nan)
     averaged = uniform_filter1d(shown.observed, average, mode="nearest") if average > 1 else nothing
     values = {OBSERVED: shown.observed, AVERAGED: averaged}
     for i in range(len(shown.names)):
         values[TRUTH.format(i)] = shown.clean if reveal and i == shown.truth else nothing
-    return {label: {"x": shown.ell, "y": y} for label, y in values.items()}
+    return {label: {"x": shown.position, "y": y} for label, y in values.items()}
 
 
 def draw_clue(clue: Clue, degrees: float, backend: Backend) -> hv.Overlay:
@@ -158,9 +164,9 @@ def _histograms(clue: Clue) -> tuple[np.ndarray, np.ndarray]:
     return edges, np.array([np.histogram(x, edges)[0] / len(x) for x in clue.samples])
 
 
-def _degrees(ell: np.ndarray) -> float:
+def _degrees(position: np.ndarray) -> float:
     """Width of a bin, deg."""
-    return float(np.abs(np.diff(ell)).mean())
+    return float(np.abs(np.diff(position)).mean())
 
 
 # ---------------------------------------------------------------- words and numbers
@@ -192,9 +198,10 @@ def clue_sentence(clue: Clue, shown: Round) -> str:
         if clue.probability[shown.truth] >= 0.75
         else "Nothing gave it away clearly; at best"
     )
+    name = clue_words(clue, _degrees(shown.position))
     return (
-        f"{opening}: the {clue_words(clue, _degrees(shown.ell))} is {clue.value:.2g}. Most streams (68 %) "
-        f"have {usual}. From this number alone one could be {sure:.0f} % sure of {shown.names[shown.truth]}."
+        f"{opening}: the {name} is {clue.value:.2g}. Most streams (68 %) have {usual}. "
+        f"From this number alone one could be {sure:.0f} % sure of {shown.names[shown.truth]}."
     )
 
 
@@ -218,7 +225,7 @@ def truth_sentence(shown: Round, number: int, rounds: int) -> str:
 
 def round_table(shown: Round, reveal: bool) -> pd.DataFrame:
     """The stream's numbers; the ones without noise only once revealed."""
-    table = pd.DataFrame({"ell_deg": shown.ell, "q_rho_observed": shown.observed})
+    table = pd.DataFrame({f"{shown.coordinate}_deg": shown.position, "q_rho_observed": shown.observed})
     return table.assign(q_rho=shown.clean) if reveal else table
 
 

@@ -15,9 +15,10 @@ from streamdash.naming import class_colour
 from streamdash.plots.elements import GREY, error_bars, framed, level_lines, line, points
 from streamdash.plots.flyby import HAND_COLOUR, draw_density
 from streamdash.plots.live import Backend, use
-from streamdash.plots.style import COORDINATE_LABELS, INK
+from streamdash.plots.style import COORDINATE_LABELS, INK, coordinate_label
 from streamdash.simulation.geometry import load_geometry
 from streamdash.store.cache import Cache
+from streamdash.survey.design import Design
 from streamdash.survey.flyby import struck
 from streamdash.survey.observed import ObservedStreams
 from streamdash.survey.story import Pieces, Track, deviations, pieces, track
@@ -69,7 +70,7 @@ def pair_figure(
     # Compute
     clean, noisy = pair(streams, number, noise)
     # Plot
-    return draw_pair(streams.centers, clean, noisy, noise, backend)
+    return draw_pair(streams.design, clean, noisy, noise, backend)
 
 
 def pieces_figure(
@@ -79,7 +80,7 @@ def pieces_figure(
     # Collect
     streams = ObservedStreams.read(cache, ensembles)
     # Compute
-    shown = pieces([deviations(q) for q in streams.q], noise)
+    shown = pieces([deviations(q) for q in streams.q], noise, streams.design.step)
     # Plot
     return draw_pieces(shown, backend)
 
@@ -132,7 +133,7 @@ def draw_track(shown: Track, backend: Backend) -> hv.Overlay:
 
 
 def draw_pair(
-    ell: np.ndarray,
+    design: Design,
     clean: Sequence[np.ndarray],
     noisy: Sequence[np.ndarray],
     noise: float,
@@ -140,24 +141,24 @@ def draw_pair(
 ) -> hv.Overlay:
     """One stream of each class: a line without noise, dots with noise if there is any."""
     use(backend)
-    data = pair_columns(ell, clean, noisy, noise)
+    data = pair_columns(design, clean, noisy, noise)
     parts: list[hv.Element] = [level_lines("one", [1.0], backend)]
     for i in range(len(clean)):
         dots, curve = data[f"noisy {i}"], data[f"clean {i}"]
         parts.append(points(f"noisy {i}", dots["x"], dots["y"], class_colour(i), backend, size=4))
         parts.append(line(f"clean {i}", curve["x"], curve["y"], class_colour(i), backend))
-    x = (float(ell.min()), float(ell.max()))
-    return framed(parts, COORDINATE_LABELS["ell"], "Qρ = ρ / ρ̄", x, PAIR_RANGE, backend)
+    x = (float(design.centers.min()), float(design.centers.max()))
+    return framed(parts, coordinate_label(design.coordinate), "Qρ = ρ / ρ̄", x, PAIR_RANGE, backend)
 
 
 def pair_columns(
-    ell: np.ndarray, clean: Sequence[np.ndarray], noisy: Sequence[np.ndarray], noise: float
+    design: Design, clean: Sequence[np.ndarray], noisy: Sequence[np.ndarray], noise: float
 ) -> dict[str, dict[str, np.ndarray]]:
     """Arrays of `draw_pair`, for `LiveFigure.patch`."""
     found = {}
     for i, (q, dots) in enumerate(zip(clean, noisy, strict=True)):
-        found[f"clean {i}"] = {"x": ell, "y": q}
-        found[f"noisy {i}"] = {"x": ell, "y": dots if noise > 0 else np.full(len(ell), np.nan)}
+        found[f"clean {i}"] = {"x": design.centers, "y": q}
+        found[f"noisy {i}"] = {"x": design.centers, "y": dots if noise > 0 else np.full(len(q), np.nan)}
     return found
 
 
@@ -175,7 +176,7 @@ def draw_pieces(shown: Pieces, backend: Backend) -> hv.Overlay:
         parts,
         "length of the pieces (deg)",
         "typical |Qρ - 1|",
-        (0.15, 33.0),
+        (0.75 * float(shown.width[0]), 1.3 * float(shown.width[-1])),
         (3e-3, 1.5),
         backend,
     )
@@ -205,10 +206,10 @@ def track_table(shown: Track) -> pd.DataFrame:
 
 
 def pair_table(
-    ell: np.ndarray, clean: Sequence[np.ndarray], noisy: Sequence[np.ndarray], labels: Sequence[str]
+    design: Design, clean: Sequence[np.ndarray], noisy: Sequence[np.ndarray], labels: Sequence[str]
 ) -> pd.DataFrame:
     """The numbers of `draw_pair`."""
-    table = pd.DataFrame({"ell_deg": ell})
+    table = pd.DataFrame({f"{design.coordinate}_deg": design.centers})
     for label, q, dots in zip(labels, clean, noisy, strict=True):
         table[f"q_rho_{label}"] = q
         table[f"q_rho_noisy_{label}"] = dots

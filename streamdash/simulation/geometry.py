@@ -117,7 +117,7 @@ def compute_geometry(
     ----------
     kept : nodes of impact times that are known already, by their number.
     keep : called with number, nodes and core seconds of every impact time that is finished.
-    coarse : to a permille only, in half the time; for previews, never for the cache.
+    coarse : to a permille only, in a quarter of the time; for previews, never for the cache.
 
     Raises
     ------

@@ -14,7 +14,8 @@ from streamdash.engine.galpy_streams import time_unit_gyr
 from streamdash.engine.geometry import Geometry
 from streamdash.engine.impacts import Impacts
 from streamdash.simulation.ensemble import theta_grid
-from streamdash.survey.sky import longitude_bins, observe, shot_noise
+from streamdash.survey.design import default_design
+from streamdash.survey.sky import observe, shot_noise
 
 
 @dataclass(frozen=True)
@@ -52,13 +53,15 @@ class Seen:
 
     Attributes
     ----------
-    ell : centres of the bins (deg)
+    position : centres of the bins in `coordinate` (deg)
+    coordinate : str
     clean, noisy : Qρ without and with shot noise of ``noise`` per bin
     alone : Qρ if there were the fly-by in hand only
     n_impacts : int
     """
 
-    ell: np.ndarray
+    position: np.ndarray
+    coordinate: str
     clean: np.ndarray
     noisy: np.ndarray
     alone: np.ndarray
@@ -79,20 +82,22 @@ def make_film(geometry: Geometry, scene: Scene) -> Film:
 
 
 def see(geometry: Geometry, scene: Scene, noise: float) -> Seen:
-    """Today's Qρ per 0.2° bin."""
-    theta, edges = theta_grid(EnsembleConfig(stream=geometry.stream)), longitude_bins(geometry)
+    """Today's Qρ in the bins of the stream's description."""
+    theta, design = theta_grid(EnsembleConfig(stream=geometry.stream)), default_design(geometry)
     impacts = scene.impacts(geometry)
-    smooth = observe(geometry, theta, geometry.smooth_density(theta), edges)
+
+    def binned(density: np.ndarray) -> np.ndarray:
+        return observe(geometry, theta, density, design.edges, design.coordinate)
+
+    smooth = binned(geometry.smooth_density(theta))
 
     def q(table: Impacts) -> np.ndarray:
-        return (
-            observe(geometry, theta, perturbed_stream(geometry, table, theta).density.values, edges) / smooth
-        )
+        return binned(perturbed_stream(geometry, table, theta).density.values) / smooth
 
     clean = q(impacts)
     alone = clean if len(impacts) == 1 else q(flyby_impacts(geometry, scene.flybys[-1:]))
     noisy = clean + noise * shot_noise((1, len(clean)), scene.seed)[0]
-    return Seen(0.5 * (edges[:-1] + edges[1:]), clean, noisy, alone, noise, len(impacts))
+    return Seen(design.centers, design.coordinate, clean, noisy, alone, noise, len(impacts))
 
 
 def struck(geometry: Geometry, flybys: Sequence[Flyby], time_gyr: np.ndarray) -> np.ndarray:

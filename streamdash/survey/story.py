@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from streamdash.engine.geometry import Geometry
-from streamdash.survey.sky import BIN_WIDTH
 
 PIECES = (1, 2, 4, 8, 16, 32, 64, 128)
-"""Bins per piece into which streams are cut."""
+"""Bins per piece into which streams are cut, as far as there are two such pieces."""
 QUANTILES = (0.16, 0.5, 0.84)
 
 
@@ -79,7 +78,7 @@ def track(geometry: Geometry) -> Track:
 
 
 def deviations(q: np.ndarray) -> np.ndarray:
-    """Root mean square of Qρ - 1 over pieces of each length in `PIECES`, (3, n): quantiles over streams.
+    """Root mean square of Qρ - 1 over pieces of each length of `PIECES`, (3, n): quantiles over streams.
 
     Parameters
     ----------
@@ -87,7 +86,7 @@ def deviations(q: np.ndarray) -> np.ndarray:
         Qρ without noise.
     """
     found = []
-    for size in PIECES:
+    for size in (size for size in PIECES if 2 * size <= q.shape[1]):
         n_piece = q.shape[1] // size
         mean = q[:, : n_piece * size].reshape(len(q), n_piece, size).mean(axis=2)
         rms = np.sqrt(((mean - 1) ** 2).mean(axis=1))
@@ -95,10 +94,17 @@ def deviations(q: np.ndarray) -> np.ndarray:
     return np.array(found).T
 
 
-def pieces(deviation: list[np.ndarray], noise: float) -> Pieces:
-    """Deviations of several classes beside the shot noise, which averages out as 1/√bins."""
-    size = np.array(PIECES, dtype=float)
-    return Pieces(BIN_WIDTH * size, np.array(deviation), noise / np.sqrt(size))
+def pieces(deviation: list[np.ndarray], noise: float, width: float) -> Pieces:
+    """Deviations of several classes beside the shot noise, which averages out as 1/√bins.
+
+    Parameters
+    ----------
+    deviation : of each class, as `deviations` gives it.
+    noise, width : of a bin (deg).
+    """
+    found = np.array(deviation)
+    size = np.array(PIECES[: found.shape[2]], dtype=float)
+    return Pieces(width * size, found, noise / np.sqrt(size))
 
 
 def stars_per_bin(noise: float) -> float:

@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 
 from app.session.catalog import Catalog, read_catalog
 from app.session.fields import Decimal, Whole
-from app.session.session import FIELDS, Session, read_query
+from app.session.session import FIELDS, OWN, Session, link_to, read_query
 from streamdash.config import EnsembleConfig, Perturbers, StreamModel
 from streamdash.plots.style import COORDINATE_LABELS
 from streamdash.statistics.evidence import RULES
 from streamdash.store.cache import Entry
+from streamdash.streams import named_stream
 
 PAGES = ("profiles", "pdf")
 RANGES = ("1e3-1e5", "1e5-1e7", "1e5-1e9", "1e7-1e9")
@@ -163,6 +164,32 @@ def test_too_few_or_too_many_ranges_fall_back_to_the_default(catalog):
         session = opened(known, search)
         assert masses(session) == ["1e3-1e5", "1e5-1e9"]
         assert "2 to 4" in session.problems[0]
+
+
+@pytest.fixture(scope="module")
+def named() -> Catalog:
+    """The paper's stream and both arms of Palomar 5."""
+    arms = [StreamModel(), *named_stream("pal5").arms.values()]
+    return read_catalog(entry(ensemble(mass, stream=arm)) for arm in arms for mass in RANGES[:2])
+
+
+def test_a_link_names_a_stream_and_has_its_noise_and_axis_unless_it_says_otherwise(named):
+    assert [stream.token for stream in named.streams][0] == "gd1-like"
+    assert {stream.token for stream in named.streams[1:]} == {"pal5", "pal5-leading", "pal5-both"}
+    for stream in named.streams[1:]:
+        session = opened(named, f"?stream={stream.token}")
+        assert session.problems == []
+        assert session.stream == stream.key
+        assert (session.noise, session.x) == (named_stream("pal5").bins["trailing"].noise, OWN)
+        assert session.search == f"?stream={stream.token}"
+        older = "?" + urlencode({"stream": stream.key})
+        assert opened(named, older).search == session.search
+        told = opened(named, f"?stream={stream.token}&noise=0.1&x=ell")
+        assert (told.noise, told.x) == (0.1, "ell")
+        assert opened(named, told.search).noise == 0.1
+        other = link_to(session, noise=0.1, y="rho")
+        assert (opened(named, other).noise, opened(named, other).y) == (0.1, "rho")
+    assert (opened(named, "").noise, opened(named, "").x) == (0.1, "ell")
 
 
 def test_changing_the_stream_brings_its_own_mass_ranges(catalog):

@@ -25,10 +25,17 @@ def test_pieces_of_white_noise_average_out_and_of_a_slow_wave_do_not():
     np.testing.assert_allclose(of_white[1], 0.3 / np.sqrt(PIECES), rtol=0.1)
     assert of_wave[1][:6] == pytest.approx(0.3, rel=0.02)
     assert (of_white[0] < of_white[2]).all()
-    shown = pieces([of_white, of_wave], 0.5)
+    shown = pieces([of_white, of_wave], 0.5, 0.2)
     np.testing.assert_allclose(shown.noise, 0.5 / np.sqrt(PIECES))
     assert shown.visible_from(0) == np.inf
     assert shown.visible_from(1) == pytest.approx(0.2 * 4)  # 0.5/√4 < 0.3 < 0.5/√2
+
+
+def test_a_short_stream_is_cut_into_two_pieces_at_least():
+    few = deviations(1 + 0.3 * np.random.default_rng(0).standard_normal((50, 30)))
+    assert few.shape == (3, 4)  # of 1, 2, 4 and 8 bins
+    assert np.isfinite(few).all()
+    np.testing.assert_allclose(pieces([few], 0.1, 2.0).width, [2, 4, 8, 16])
 
 
 def test_the_stars_behind_a_noise():

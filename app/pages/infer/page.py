@@ -16,7 +16,7 @@ from app.pages.infer.code import Asked
 from app.pages.infer.controls import Controls
 from app.pages.infer.joined import Joined
 from app.pages.infer.parts import answer_html, methods_html, page_grid
-from app.pages.observe.reading import Reading, changes_of, file_of, read
+from app.pages.observe.reading import Reading, changes_of, file_of, read, show_example
 from app.pages.observe.state import AUTO, LINKED, Upload
 from app.services.services import Unavailable
 from app.work.later import Later
@@ -226,7 +226,7 @@ class InferPage(Page):
         session.param.update(infer_data="upload", example="no", upload=upload, **BLANK)
 
     def _example(self) -> None:
-        self.session.param.update(infer_data="upload", example="yes", upload=None, **BLANK)
+        show_example(self.session, infer_data="upload", **BLANK)
 
     def _refuse(self, sentence: str) -> None:
         self._show_reading(Reading(problem=sentence))

@@ -25,14 +25,11 @@ from streamdash.classifier.quiz import Clue, draw_rounds, find_clue, learn, quiz
 from streamdash.classifier.train import Judged
 from streamdash.plots import quiz as plot
 from streamdash.plots.live import LiveFigure, export
+from streamdash.streams import bin_text
 from streamdash.survey.observed import ObservedStreams
 
 USES = frozenset({"difficulty", "game", "round", "answers", "average", "theme"})
-LEGEND = (
-    ("dots-grey", "observed, one dot per 0.2° bin"),
-    ("ink", "averaged over bins"),
-    ("line", "without noise (once revealed)"),
-)
+LEGEND = (("ink", "averaged over bins"), ("line", "without noise (once revealed)"))
 CLUE_LEGEND = (("line", "streams that were not asked about, by class"), ("dashes", "this stream"))
 SCORE_STYLE = """
 .wide { overflow-x: auto; }
@@ -168,8 +165,8 @@ class QuizLesson:
         self.clue = self._find_clue() if self.revealed else None
         self.clue_card.view.visible = self.revealed
         if self.clue is not None:
-            degrees = float(np.abs(np.diff(self.streams.centers)).mean())
-            self.clue_live = LiveFigure(plot.draw_clue(self.clue, degrees, "bokeh"), ink=("this",))
+            drawn = plot.draw_clue(self.clue, self.streams.design.step, "bokeh")
+            self.clue_live = LiveFigure(drawn, ink=("this",))
             self.clue_figure[:] = [pn.pane.Bokeh(self.clue_live.figure, sizing_mode=ui.WIDE, margin=0)]
             self.clue_card.say(plot.clue_sentence(self.clue, self.round))
         words = plot.truth_sentence if self.revealed else plot.round_sentence
@@ -273,6 +270,7 @@ class QuizLesson:
 
     def _make_cards(self) -> None:
         count = len(self.streams.q)
+        dots = ("dots-grey", f"observed, one dot per {bin_text(self.streams.configs[0].stream)}")
         self.card = ui.FigureCard(
             "What made these gaps?",
             self.figure,
@@ -282,7 +280,7 @@ class QuizLesson:
             code=lambda: self._code(
                 "quiz_figure", f", average={self.session.average}, reveal={self.revealed}", "quiz"
             ),
-            legend=ui.legend(LEGEND, count),
+            legend=ui.legend((dots, *LEGEND), count),
         )
         self.clue_card = ui.FigureCard(
             "What gave it away",
@@ -298,8 +296,7 @@ class QuizLesson:
         return plot.draw_round(self.round, self.session.average, self.revealed, "matplotlib")
 
     def _drawn_clue(self) -> Any:
-        degrees = float(np.abs(np.diff(self.streams.centers)).mean())
-        return plot.draw_clue(self._known_clue(), degrees, "matplotlib")
+        return plot.draw_clue(self._known_clue(), self.streams.design.step, "matplotlib")
 
     def _known_clue(self) -> Clue:
         if self.clue is None:

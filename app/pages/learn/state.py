@@ -19,7 +19,7 @@ STEPS = 6
 FLYBYS_MAX = 12
 DIFFICULTIES = {"easy": "Easy", "medium": "Medium", "hard": "Hard", "extreme": "Very hard"}
 QUIZ_NOISE = {"easy": 0.1, "medium": 0.3, "hard": 0.6, "extreme": 1.0}
-"""Shot noise σ_ε per 0.2° bin of each difficulty."""
+"""Shot noise σ_ε per bin of each difficulty."""
 
 HAND = {
     "mass10": "log10_mass",

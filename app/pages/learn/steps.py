@@ -28,7 +28,6 @@ from streamdash.plots import flyby_words, pdf, story
 from streamdash.plots.live import Backend, Columns
 from streamdash.statistics.evidence import JEFFREYS, jeffreys
 from streamdash.survey.flyby import struck
-from streamdash.survey.sky import BIN_WIDTH
 from streamdash.survey.story import deviations, pieces, stars_per_bin, track
 
 
@@ -48,6 +47,9 @@ class StreamStep(Step):
         distance, drift = self.track.distance, self.geometry.mean_omega / time_unit_gyr()
         return stream_text(
             streams.stream_text(self.stream),
+            self.stream.arm == "leading",
+            streams.stream_of(self.stream).frame.longitude_symbol,
+            streams.bins_of(self.stream).coordinate == "ell",
             self.stream.age_gyr,
             self.track.sky_length,
             float(distance.min()),
@@ -147,17 +149,17 @@ class ManyStep(Step):
     def compute(self) -> None:
         number, noise = self.session.seed, self.noise
         streams = self.services.observed(self.choices)
-        self.ell, self.qs = streams.centers, streams.q
+        self.design, self.qs = streams.design, streams.q
         self.clean, self.noisy = story.pair(streams, number, noise)
 
     def controls(self) -> list[Viewable]:
         return [ui.button("Draw others", self._draw_others, css_classes=["sd-draw-others"], margin=(4, 10))]
 
     def draw(self, backend: Backend) -> hv.Overlay:
-        return story.draw_pair(self.ell, self.clean, self.noisy, self.noise, backend)
+        return story.draw_pair(self.design, self.clean, self.noisy, self.noise, backend)
 
     def columns(self) -> Columns:
-        return story.pair_columns(self.ell, self.clean, self.noisy, self.noise)
+        return story.pair_columns(self.design, self.clean, self.noisy, self.noise)
 
     def text(self) -> str:
         keys = [self.choices[0].key, self.choices[-1].key]
@@ -178,7 +180,7 @@ class ManyStep(Step):
 
     def table(self) -> pd.DataFrame:
         labels = class_names([choice.config for choice in self.choices])
-        return story.pair_table(self.ell, self.clean, self.noisy, labels)
+        return story.pair_table(self.design, self.clean, self.noisy, labels)
 
     def call(self) -> tuple[str, str, str]:
         return "story", "pair_figure", f", ensembles, number={self.session.seed}, noise={self.noise:g}"
@@ -217,8 +219,8 @@ class NoiseStep(ManyStep):
         return noise_text(
             self.noise,
             stars_per_bin(self.noise),
-            len(self.ell),
-            BIN_WIDTH,
+            self.design.n_bin,
+            self.design.step,
             self.light,
             self.heavy,
             (share[0], share[1]),
@@ -297,7 +299,9 @@ class QuestionStep(Step):
     )
 
     def compute(self) -> None:
-        self.data = pieces([self._deviations(choice) for choice in self.choices], self.session.noise)
+        self.width = self.services.observed(self.choices).design.step
+        deviation = [self._deviations(choice) for choice in self.choices]
+        self.data = pieces(deviation, self.session.noise, self.width)
 
     def _deviations(self, choice: Choice) -> np.ndarray:
         key = ("deviations", choice.key)
@@ -320,7 +324,7 @@ class QuestionStep(Step):
             self.session.noise,
             (self.data.visible_from(0), self.data.visible_from(len(self.choices) - 1)),
             single,
-            BIN_WIDTH,
+            self.width,
             (stars_per_bin(single), stars_per_bin(self.session.noise)),
         )
 

@@ -16,6 +16,7 @@ GLOSSARY = """
 | **Gyr** | gigayear, a billion years |
 | **kpc, pc** | kiloparsec, parsec: lengths; light takes 3.26 years for one parsec |
 | **ℓ, b (deg)** | Galactic longitude and latitude: the position on the sky as seen from the Sun |
+| **φ₁, ξ (deg)** | longitude in a frame of the sky in which the stream lies nearly flat: φ₁ of GD-1, ξ of Palomar 5, counted from the cluster |
 | **M☉** | the mass of the Sun |
 | **M0, M1, …** | the hypotheses compared: mass ranges of the dark objects, lightest first |
 | **Ω∥** | how fast stars drift along the stream, away from the progenitor (“omega parallel”) |
@@ -34,19 +35,41 @@ GLOSSARY = """
 
 
 def stream_text(
-    name: str, age: float, sky: float, near: float, far: float, drift: float, length: float
+    name: str,
+    leading: bool,
+    symbol: str,
+    galactic: bool,
+    age: float,
+    sky: float,
+    near: float,
+    far: float,
+    drift: float,
+    length: float,
 ) -> str:
-    """Step 1."""
+    """Step 1; `symbol` is of the longitude of the stream's frame, in which it is shown unless `galactic`."""
+    leave = (
+        "Some leave inwards, where orbits are quicker,\nand run ahead"
+        if leading
+        else "Some leave outwards, where orbits are slower,\nand fall behind"
+    )
+    half = "runs ahead" if leading else "falls behind"
+    where = "Two coordinates say where along it we are: Galactic longitude **ℓ**, as seen in the sky, and the angle"
+    if not galactic:
+        where = (
+            f"On the map the stream lies in Galactic longitude **ℓ** and latitude *b*. Two coordinates say where "
+            f"along it we are: **{symbol}**, the longitude of a frame of the sky in which the stream lies nearly "
+            "flat, and the angle"
+        )
     return f"""
 A cluster of stars that orbits the Galaxy is pulled harder on its near side than on its far side. This
-*tide* lets its outer stars go, slowly and a few at a time. Some leave inwards, where orbits are quicker,
-and run ahead. Over billions of years they draw out a thin band along the orbit: a **stellar stream**.
-The big dot marks the cluster it comes from, the *progenitor*.
+*tide* lets its outer stars go, slowly and a few at a time. {leave}. Over billions of years they draw out
+a thin band along the orbit: a **stellar stream**. The big dot marks the cluster it comes from, the
+*progenitor*.
 
 This stream is a model ({name}). It began to come apart **{age:g} Gyr** ago; a Gyr is a billion years. The
-half that runs ahead now spans **{sky:.0f}°** of the sky, {near:.0f} to {far:.0f} kpc from us.
+half that {half} now spans **{sky:.0f}°** of the sky, {near:.0f} to {far:.0f} kpc from us.
 
-Two coordinates say where along it we are: Galactic longitude **ℓ**, as seen in the sky, and the angle
+{where}
 **θ∥** from the progenitor, in radians. Stars drift outwards by {drift:.2g} rad per Gyr on average, so the
 far end, at {length:.2f} rad, left first. The number of stars per length is the density **ρ**; as long as
 nothing disturbs the stream it is smooth, and then it is called **ρ̄**.

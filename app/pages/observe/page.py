@@ -1,4 +1,4 @@
-"""Observe page: a measured density of GD-1, read, checked and put to the simulated classes."""
+"""Observe page: a measured density of a stream, read, checked and put to the simulated classes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,17 @@ from app.pages.observe.parts import (
     preview_html,
     robustness_html,
 )
-from app.pages.observe.reading import Outcome, Reading, changes_of, file_of, question, read, trials
+from app.pages.observe.reading import (
+    Outcome,
+    Reading,
+    changes_of,
+    example_words,
+    file_of,
+    question,
+    read,
+    show_example,
+    trials,
+)
 from app.pages.observe.state import AUTO, LINKED, Upload
 from app.services.services import Unavailable
 from app.session.listing import ensembles_code
@@ -30,19 +40,15 @@ from app.ui.study import TaskControls
 from app.ui.upload import FileDrop
 from app.work.later import Later
 from app.work.tasks import Task, Watch
+from streamdash.config import StreamModel
 from streamdash.observe.provenance import provenance_words, signed
 from streamdash.observe.wording import name, tried, truth_words
 from streamdash.plots import observe
 from streamdash.plots.live import LiveFigure, export
 from streamdash.plots.report_html import report_html
+from streamdash.streams import stream_of, stream_text
 from streamdash.survey.mock import EXAMPLE_TRUTH
 
-INTRODUCTION = (
-    "Upload the density of GD-1 along the stream as you measured it: a text table with a position (φ1 or "
-    "Galactic longitude), a value and, best, an error for each bin. Simulated streams are then observed with "
-    "your bins, errors and gaps, and the answer comes with how often it is right at that quality. The file "
-    "stays in this session's memory and is gone when you close the page."
-)
 LEGEND = (
     ("ink", "measured, with errors"),
     ("band", "where 68 % of a class's streams lie, observed alike"),
@@ -118,15 +124,22 @@ class ObservePage(Page):
         )
         self._read()
         return ui.page_layout(
-            ui.plain_text(INTRODUCTION, margin=(4, 10, 14, 10), max_width=1000),
+            ui.plain_text(introduction(self.model), margin=(4, 10, 14, 10), max_width=1000),
             ui.controls(ui.stream_picker(self), ui.ensemble_picker(self)),
             self.drop,
-            ui.controls(ui.button("Try the example", self._example, css_classes=["sd-example"]), self.status),
+            ui.controls(
+                ui.button(example_words(self.model), self._example, css_classes=["sd-example"]), self.status
+            ),
             self.problem,
             self.controls.view,
             self.result_part,  # above what was read: the answer is where the button was pressed
             self.read_part,
         )
+
+    @property
+    def model(self) -> StreamModel:
+        """The stream that was measured."""
+        return self.session.ensembles[0].config.stream
 
     def update(self, changed: frozenset[str]) -> None:
         if changed == {"theme"}:
@@ -160,7 +173,7 @@ class ObservePage(Page):
         self.session.param.update(example="no", upload=upload, **BLANK)
 
     def _example(self) -> None:
-        self.session.param.update(example="yes", upload=None, **BLANK)
+        show_example(self.session, **BLANK)
 
     def _refuse(self, sentence: str) -> None:
         self._clear("")
@@ -192,7 +205,7 @@ class ObservePage(Page):
             self.read_part.visible = self.controls.view.visible = False
             return
         changes = changes_of(self.session)
-        geometry = self.services.geometry(self.session.ensembles[0].config.stream)
+        geometry = self.services.geometry(self.model)
         self.later.ask(lambda: read(file, changes, geometry))
 
     def _show_reading(self, reading: Reading) -> None:
@@ -242,7 +255,7 @@ class ObservePage(Page):
     def _try_others(self) -> None:
         """Ask what would change the answer, in the background: the answer does not wait for it."""
         self.holds.write("")
-        geometry = self.services.geometry(self.session.ensembles[0].config.stream)
+        geometry = self.services.geometry(self.model)
         asked = trials(self.services, self.session.ensembles, self.reading, geometry, self.expected)
         self.trying.follow(self.services.work.ask(*asked))
 
@@ -338,6 +351,18 @@ class ObservePage(Page):
             'Path("observe.png").write_bytes(export(figure, "png"))',
         ]
         return "\n".join(lines) + "\n"
+
+
+def introduction(model: StreamModel) -> str:
+    """What to upload, and what becomes of it."""
+    longitude = stream_of(model).frame.longitude_symbol
+    return (
+        f"Upload the density of {stream_text(model)}, along the stream as you measured it: a text table with "
+        f"a position ({longitude} or Galactic longitude), a value and, best, an error for each bin. "
+        "Simulated streams are then observed with your bins, errors and gaps, and the answer comes with how "
+        "often it is right at that quality. The file stays in this session’s memory and is gone when you "
+        "close the page."
+    )
 
 
 def _html(css_class: str) -> ui.Html:

@@ -12,8 +12,9 @@ import numpy as np
 from app.pages.observe.state import AUTO, LINKED, ObserveState, Upload
 from app.services.services import Services
 from app.session.catalog import Choice
+from app.session.session import Session
 from app.work.tasks import Compute
-from streamdash.config import ConfigError
+from streamdash.config import ConfigError, StreamModel
 from streamdash.engine.geometry import Geometry
 from streamdash.observe.guess import Assumptions, assume, guess
 from streamdash.observe.observation import Observation, interpret
@@ -22,6 +23,7 @@ from streamdash.observe.report import report
 from streamdash.observe.robustness import other_sets, robustness, variants
 from streamdash.observe.table import ObservationError, Table, read_table
 from streamdash.observe.verdict import judge, prepare
+from streamdash.streams import stream_of
 from streamdash.survey.mock import EXAMPLE
 
 
@@ -62,6 +64,20 @@ def file_of(session: ObserveState) -> Upload | None:
     if session.example == "yes":
         return Upload(EXAMPLE.read_bytes(), EXAMPLE.name)
     return session.upload
+
+
+def show_example(session: Session, **others: Any) -> None:
+    """Look at the example, and at the stream it is of; set other choices with it."""
+    home = session.catalog.stream(StreamModel().key)
+    if home is not None and session.stream != home.key:
+        session.choose_stream(home.key)
+    session.param.update(example="yes", upload=None, **others)
+
+
+def example_words(model: StreamModel) -> str:
+    """What is read on the button that shows the example, where `model` is looked at."""
+    home = StreamModel()
+    return "Try the example" + ("" if model == home else f", of the {stream_of(home).title} stream")
 
 
 def read(upload: Upload, changes: Mapping[str, Any], geometry: Geometry) -> Reading:

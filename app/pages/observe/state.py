@@ -8,12 +8,13 @@ import param
 
 from app.session.fields import OneOf
 from streamdash.observe.guess import KINDS
+from streamdash.observe.observation import NAMES
 from streamdash.survey.design import AS_IS, ORDER_MAX
 
 AUTO = "auto"
 """Leaves a choice to what the columns look like."""
 ORDERS = tuple(str(order) for order in range(AS_IS, ORDER_MAX + 1))
-COORDINATES = ("phi1", "ell")
+COORDINATES = tuple(NAMES)
 
 LINKED = {"kind": "profile_kind", "order": "profile_order", "coordinate": "profile_coordinate"}
 """Assumptions that stand in links, and the session parameters that hold them."""
