@@ -43,6 +43,15 @@ class FreeAbundance:
     fixed_accuracy: float
     fixed_confidence: float
 
+    @classmethod
+    def of(
+        cls, judged: Judged, streams: ObservedStreams, sigma: float | np.ndarray, fixed: Judged
+    ) -> FreeAbundance:
+        """From a classifier of streams of free abundance with errors `sigma`, and one of a fixed one."""
+        said = fixed.classifier.predict_proba(streams.observed(sigma)[judged.rows])
+        right = float(np.mean(said.argmax(axis=1) == judged.y))
+        return cls(judged, right, float(said.max(axis=1).mean()))
+
     @property
     def accuracy(self) -> tuple[float, float]:
         """Share of held-out streams of free abundance put right, and its error."""
@@ -77,19 +86,24 @@ def free_prior(config: EnsembleConfig) -> Prior | None:
 def free_ensembles(cache: Cache, classes: Sequence[EnsembleConfig]) -> tuple[EnsembleConfig, ...]:
     """Complete ensembles of the same streams and ranges with free abundance; none if one is missing."""
     priors = [free_prior(config) for config in classes]
-    there = [
-        entry.config
-        for entry in cache.entries(("ensembles",))
-        if entry.state == "complete" and entry.config.prior is not None
-    ]
+    stream, wanted = classes[0].stream, [prior for prior in priors if prior is not None]
+    there = cache.complete_ensembles(lambda c: c.prior in wanted and c.stream == stream)
     found = []
-    for config, prior in zip(classes, priors, strict=True):
-        fits = [c for c in there if prior is not None and c.prior == prior and c.stream == config.stream]
+    for prior in priors:
+        fits = [entry.config for entry in there if prior is not None and entry.config.prior == prior]
         if not fits:
             return ()
         found.append(max(fits, key=lambda c: c.n_streams))
     differ = len({c.key for c in found}) == len(found)  # ranges that differ in their rate alone are one here
     return tuple(found) if differ else ()
+
+
+def free_streams(
+    cache: Cache, classes: Sequence[EnsembleConfig], design: Design | None = None
+) -> ObservedStreams | None:
+    """Streams of `free_ensembles` as a design observes them; None where there are none."""
+    ensembles = free_ensembles(cache, classes)
+    return ObservedStreams.read(cache, ensembles, design) if ensembles else None
 
 
 def learn_free(
@@ -117,15 +131,8 @@ def learn_free(
     Cancelled
         When ``should_stop`` said so.
     """
-    ensembles = free_ensembles(cache, classes)
-    if not ensembles:
-        return None
-    streams = ObservedStreams.read(cache, ensembles, design)
-    if streams.n_bins != fixed.classifier.features.n_bins:
+    streams = free_streams(cache, classes, design)
+    if streams is None or streams.n_bins != fixed.classifier.features.n_bins:
         return None
     sigma = streams.design.sigma if noise is None else noise
-    judged = train(streams, sigma, settings, progress, should_stop)
-    said = fixed.classifier.predict_proba(streams.observed(sigma)[judged.rows])
-    return FreeAbundance(
-        judged, float(np.mean(said.argmax(axis=1) == judged.y)), float(said.max(axis=1).mean())
-    )
+    return FreeAbundance.of(train(streams, sigma, settings, progress, should_stop), streams, sigma, fixed)

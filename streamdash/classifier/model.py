@@ -13,7 +13,7 @@ from scipy.special import softmax
 
 from streamdash.classifier.data import ClassifierError
 from streamdash.config import Config, Finite
-from streamdash.statistics.features import FeatureMap, FeatureSet
+from streamdash.statistics.features import FeatureMap, FeatureSet, summarise
 
 SCHEMA = "streamdash-classifier/1"
 """Changes whenever the same inputs would give a different model."""
@@ -148,6 +148,17 @@ class Classifier:
         """
         q = np.asarray(q)
         profiles = np.atleast_2d(q)
+        self.check(profiles)
+        return self.probability(self.features(profiles)).reshape(*q.shape[:-1], -1)
+
+    def check(self, profiles: np.ndarray) -> None:
+        """Refuse profiles (n_streams, n_bins) that the model cannot be asked about.
+
+        Raises
+        ------
+        ClassifierError
+            When they have other bins, or values that are not finite.
+        """
         if profiles.ndim != 2 or profiles.shape[1] != self.features.n_bins:
             raise ClassifierError(
                 f"The model was trained on {self.features.n_bins} bins; "
@@ -155,12 +166,27 @@ class Classifier:
             )
         if not np.all(np.isfinite(profiles)):
             raise ClassifierError("The profile has values that are not finite; leave those bins out.")
-        margins = class_margins(self.booster, self.features(profiles))
-        return softmax(margins / self.card.temperature, axis=1).reshape(*q.shape[:-1], -1)
+
+    def probability(self, features: np.ndarray) -> np.ndarray:
+        """Probability of each class (n_streams, n_classes) from `features` of profiles."""
+        return softmax(class_margins(self.booster, features) / self.card.temperature, axis=1)
 
     def predict(self, q: np.ndarray) -> np.ndarray:
         """Most probable class, 0 for the lowest masses."""
         return self.predict_proba(q).argmax(axis=-1)
+
+
+def committee_proba(models: Sequence[Classifier], q: np.ndarray) -> np.ndarray:
+    """Every model's probabilities of profiles (n_models, …, n_classes).
+
+    Models of the same features, trained on different streams: summaries are computed once for all.
+    """
+    profiles = np.atleast_2d(q)
+    models[0].check(profiles)
+    features = models[0].features.features
+    summaries = summarise(profiles, features) if features.summaries else None
+    said = [model.probability(model.features(profiles, summaries)) for model in models]
+    return np.stack(said).reshape(len(models), *np.shape(q)[:-1], -1)
 
 
 def class_margins(booster: xgboost.Booster, x: np.ndarray, n_trees: int = 0) -> np.ndarray:

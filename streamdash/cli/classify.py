@@ -34,7 +34,7 @@ from streamdash.cli.common import (
     progress_bar,
     wrong_input,
 )
-from streamdash.config import StreamModel
+from streamdash.config import EnsembleConfig, StreamModel
 from streamdash.streams import STREAM_NAMES, named_stream, stream_of, stream_text
 
 if TYPE_CHECKING:
@@ -128,28 +128,39 @@ def classify(
     """
     from streamdash.observe.guess import assume
     from streamdash.observe.observation import interpret
-    from streamdash.observe.provenance import Source, signed
-    from streamdash.observe.report import report
-    from streamdash.observe.robustness import other_sets, robustness, variants
     from streamdash.observe.table import read_table
-    from streamdash.observe.verdict import judge, prepare
-    from streamdash.observe.wording import tried
-    from streamdash.plots.report_html import report_html
     from streamdash.simulation.geometry import load_geometry
 
+    if not 2 <= len(labels) <= 4:
+        raise InputError(f"--mass: give 2 to 4 classes, separated by commas, not {len(labels)}.")
     configs = [_find(cache, label.strip(), stream or StreamModel()) for label in labels]
     table = read_table(data)
     assumptions, geometry = assume(table, changes), load_geometry(configs[0].stream, cache)
     observation = interpret(table, assumptions, geometry)
     found = []
     with progress_bar() as titled:
-        prepared = prepare(cache, configs, observation.design, titled("Learning from streams so observed"))
+        learning = titled("Learning from streams so observed")
+        learning(0, 100)
+        # The trees' libraries take a second to load: by now it is known that there is something to learn.
+        from streamdash.observe.provenance import Source, signed
+        from streamdash.observe.report import report
+        from streamdash.observe.robustness import other_sets, robustness, variants
+        from streamdash.observe.verdict import judge, prepare
+        from streamdash.observe.wording import tried
+
+        prepared = prepare(cache, configs, observation.design, learning)
         if hold:
             rows = variants(table, assumptions, geometry, configs, other_sets(cache, configs))
             found = robustness(cache, rows, titled("Trying what would change the answer"))
     result = signed(report(judge(prepared, observation), observation, prepared), Source.of(data, name))
     result = tried(result, found)
-    return result, lambda: report_html(result, observation, prepared.bands())
+
+    def page() -> str:
+        from streamdash.plots.report_html import report_html  # with holoviews, for the report alone
+
+        return report_html(result, observation, prepared.bands())
+
+    return result, page
 
 
 def _find(cache: Cache, label: str, stream: StreamModel) -> Any:
@@ -159,16 +170,19 @@ def _find(cache: Cache, label: str, stream: StreamModel) -> Any:
     """
     from streamdash.config import mass_label, parse_mass_range
 
-    complete = [e for e in cache.entries(("ensembles",)) if e.state == "complete" and e.config.prior is None]
     try:
         wanted = mass_label(parse_mass_range(label))
     except ValueError:
         wanted = label
     name, arm = stream_of(stream).name, stream.arm
-    there = [e for e in complete if (stream_of(e.config.stream).name, e.config.stream.arm) == (name, arm)]
-    found = [e for e in there if e.config.label == wanted] or [e for e in complete if e.key == label]
+
+    def there(config: EnsembleConfig) -> bool:
+        return config.prior is None and (stream_of(config.stream).name, config.stream.arm) == (name, arm)
+
+    found = cache.complete_ensembles(lambda c: there(c) and c.label == wanted)
+    found = found or cache.complete_ensembles(lambda c: c.prior is None and c.key == label)
     if not found:
-        known = ", ".join(sorted({e.config.label for e in there})) or "none at all"
+        known = ", ".join(sorted({e.config.label for e in cache.complete_ensembles(there)})) or "none at all"
         raise InputError(
             f"--mass: no complete ensemble of {label[:40]!r} for {stream_text(stream)} is in the cache; "
             f"there are {known}."

@@ -14,13 +14,16 @@ cost false alarms and gain nothing.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 import xgboost
 
 from streamdash.classifier.model import Classifier
+from streamdash.observe.resemblance import TREES as CLOUD_TREES
 from streamdash.observe.resemblance import Cloud
+from streamdash.statistics.features import summarise
 from streamdash.survey.design import Design, measured, polynomial_fit
 
 SURE = 0.9
@@ -189,24 +192,27 @@ def learn_misfit(
     said = head.predict_proba(again)
     called = np.where(said.max(axis=1) > SURE, said.argmax(axis=1), -1)
     ranked = features(again, head, cloud, fits)
-    detectors = []
-    for kinds, share in SHARES.items():
+
+    def learnt(kinds: tuple[str, ...], share: float) -> _Detector:
         parts = [np.concatenate(samples[kind]) for kind in kinds if samples[kind]]
         there = tuple(kind for kind in kinds if samples[kind])
         if len(real) < LEAST_LEARNT or sum(map(len, parts)) < LEAST_LEARNT:
-            detectors.append(_Detector(kinds, share, None, None, ()))
-            continue
+            return _Detector(kinds, share, None, None, ())
         trees = _trees([real, *parts], (0, *(1 for _ in parts)), ROUNDS, seed)
         names = _trees(parts, range(len(parts)), ROUNDS_OF_NAMES, seed) if len(parts) > 1 else None
         scores = _margin(trees, ranked)
         by_class = tuple(np.sort(scores[called == c]) for c in range(int(y.max()) + 1))
-        detectors.append(_Detector(there, share, trees, names, by_class))
-    return Misfit(head, cloud, fits, tuple(detectors))
+        return _Detector(there, share, trees, names, by_class)
+
+    with ThreadPoolExecutor(len(SHARES)) as threads:
+        return Misfit(head, cloud, fits, tuple(threads.map(learnt, SHARES, SHARES.values())))
 
 
 def features(q: np.ndarray, head: Classifier, cloud: Cloud, fits: tuple[np.ndarray, ...]) -> np.ndarray:
     """What the trees are given: what the head and the checks see, and remainders without smooth waves."""
-    parts = [cloud.features(q), head.features(q), head.predict_proba(q)]
+    summaries = summarise(q, CLOUD_TREES.features)
+    seen = head.features(q, summaries if head.features.features == CLOUD_TREES.features else None)
+    parts = [cloud.features(q, summaries), seen, head.probability(seen)]
     for fit in fits:
         curve = q @ fit.T
         rest = q - curve

@@ -117,11 +117,15 @@ class Cloud:
             columns.append(np.einsum("ni,ni->n", off @ inverse, off))
         return np.stack(columns, axis=1)
 
-    def features(self, q: np.ndarray) -> np.ndarray:
-        """What the trees are given: distances also if it ran the other way, components, summaries."""
+    def features(self, q: np.ndarray, summaries: np.ndarray | None = None) -> np.ndarray:
+        """What the trees are given: distances also if it ran the other way, components, summaries.
+
+        ``summaries`` are those of ``TREES.features``, if they are known already.
+        """
+        summaries = summarise(q, TREES.features) if summaries is None else summaries
         ways = [np.log(self.distance(way)) for way in (q, q[:, ::-1])]
         components = self.pca.transform(_straightened(q, self.scale))
-        parts = [*ways, ways[1] - ways[0], components, q, summarise(q, TREES.features)]
+        parts = [*ways, ways[1] - ways[0], components, q, summaries]
         return np.concatenate(parts, axis=1).astype(np.float32)
 
 
@@ -172,6 +176,7 @@ def learn_likeness(
     smooth: np.ndarray,
     known: np.ndarray,
     held_out: np.ndarray,
+    cloud: Cloud,
     seed: int = 0,
 ) -> Likeness:
     """Learn what streams of all classes look like in one design.
@@ -186,10 +191,11 @@ def learn_likeness(
         The unperturbed stream, like `ObservedStreams.clean`.
     known, held_out : ndarray of int
         Rows to learn from, and rows to rank profiles among.
+    cloud : Cloud
+        Of the streams that are learnt from.
     """
     rng = np.random.default_rng([seed, 5])
     observed = streams.observed(sigma)
-    cloud = Cloud.of(observed[known], streams.y[known], sigma)
 
     def seen(clean: np.ndarray, noise: np.ndarray | float = 1.0) -> np.ndarray:
         draws = np.asarray(noise, np.float32) * rng.standard_normal(clean.shape, dtype=np.float32)

@@ -123,17 +123,17 @@ def other_sets(cache: Cache, configs: Sequence[EnsembleConfig]) -> list[tuple[En
     Ensembles of one component at the rate of cold dark matter count; of several of the same range, that of
     most streams.
     """
-    best: dict[tuple[float, float], EnsembleConfig] = {}
-    for entry in cache.entries():
-        config = entry.config
-        if entry.kind != "ensemble" or entry.state != "complete" or config.stream != configs[0].stream:
-            continue
+
+    def counts(config: EnsembleConfig) -> bool:
         components = config.population.components
-        if config.prior is not None or len(components) != 1 or components[0].rate_factor != 1:
-            continue
-        known = best.get(components[0].mass_range)
-        if known is None or known.n_streams < config.n_streams:
-            best[components[0].mass_range] = config
+        one = config.prior is None and len(components) == 1 and components[0].rate_factor == 1
+        return one and config.stream == configs[0].stream
+
+    best: dict[tuple[float, float], EnsembleConfig] = {}
+    for entry in cache.complete_ensembles(counts):
+        config, masses = entry.config, entry.config.population.components[0].mass_range
+        if masses not in best or best[masses].n_streams < config.n_streams:
+            best[masses] = config
     ranges = sorted(best)
     chosen = {config.population.mass_range for config in configs}
     sets = [

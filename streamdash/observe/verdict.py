@@ -7,29 +7,28 @@ that is said about reliability is measured on streams observed in the same way a
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from streamdash.classifier.abundance import FreeAbundance, learn_free
+from streamdash.classifier.abundance import FreeAbundance, free_streams
 from streamdash.classifier.data import (
-    Cancelled,
     ClassifierError,
     Split,
     augmented,
     check_classes,
     split,
 )
-from streamdash.classifier.model import BEST, Classifier, ClassifierConfig
+from streamdash.classifier.model import BEST, Classifier, ClassifierConfig, committee_proba
 from streamdash.classifier.train import Judged, Progress, ShouldStop, boost, train
 from streamdash.config import EnsembleConfig
 from streamdash.observe.evidence import PdfEvidence, PdfJudge, learn_pdfs
 from streamdash.observe.misfit import Misfit, Misled, learn_misfit
 from streamdash.observe.observation import Observation
 from streamdash.observe.replicas import Replicas, learn_replicas
-from streamdash.observe.resemblance import Likeness, Resemblance, learn_likeness
+from streamdash.observe.resemblance import Cloud, Likeness, Resemblance, learn_likeness
+from streamdash.observe.side_by_side import SideBySide
 from streamdash.statistics.features import FeatureMap
 from streamdash.statistics.scores import evaluate
 from streamdash.store.cache import Cache
@@ -42,6 +41,17 @@ ERROR_FACTORS = (0.5, 1.5, 2.0)
 """By how much the errors may be wrong when it is told what that would do."""
 FEWEST = 10
 """Streams of a class in every set, without which none are left out."""
+COSTS = {
+    "train": 6,
+    "free": 6,
+    "misfit": 60,
+    "likeness": 15,
+    "resampled": 20,
+    "pdfs": 1,
+    "replicas": 5,
+    "wrong errors": 3,
+}
+"""Rough share of the processor's time that each step takes, for the progress that is shown."""
 BAND = (0.16, 0.84)
 """Ends of the interval that is quoted for a probability (68 %)."""
 
@@ -91,7 +101,7 @@ class Prepared:
 
     def answers(self, q: np.ndarray) -> np.ndarray:
         """Every member's probabilities of profiles (…, n_bin): (n_models, …, n_classes)."""
-        return np.stack([model.predict_proba(q) for model in self.models])
+        return committee_proba(self.models, q)
 
     def bands(self) -> np.ndarray:
         """16 %, 50 % and 84 % quantiles of each class's streams as observed (n_classes, 3, n_bin)."""
@@ -179,10 +189,9 @@ def prepare(
     Cancelled
         When ``should_stop`` said so.
     """
-    prepared = learn(ObservedStreams.read(cache, ensembles, design), progress, should_stop, settings)
-    configs = prepared.streams.configs
-    free = learn_free(cache, configs, prepared.judged, design, settings=settings, should_stop=should_stop)
-    return replace(prepared, free=free)
+    streams = ObservedStreams.read(cache, ensembles, design)
+    free = free_streams(cache, streams.configs, design)
+    return learn(streams, progress, should_stop, settings, free)
 
 
 def learn(
@@ -190,56 +199,83 @@ def learn(
     progress: Progress | None = None,
     should_stop: ShouldStop | None = None,
     settings: ClassifierConfig = BEST,
+    free: ObservedStreams | None = None,
 ) -> Prepared:
-    """`prepare` for streams that are observed already."""
-    design, smooth = check_classes(streams).design, streams.smooth
-    steps = _Steps(progress, should_stop, 6 + N_MODELS)
-    sets, refused = _accepted(split(streams.y, settings.seed), streams)
-    known = np.concatenate([sets.train, sets.validation])
-    judged = train(streams, design.sigma, settings, steps.within(4), should_stop, sets=sets)
-    models = [judged.classifier]
-    for number in range(N_MODELS):
-        steps.done(4 + number)
-        models.append(_resampled(judged, streams, design, sets, number))
-    steps.done(3 + N_MODELS)
-    likeness = learn_likeness(streams, design.sigma, smooth, known, sets.test, settings.seed)
-    pdfs = learn_pdfs(streams.observed(design.sigma), streams.y, design.sigma, known, sets.test)
-    steps.done(4 + N_MODELS)
-    misfit = learn_misfit(
-        models[0],
-        likeness.cloud,
-        design,
-        streams.clean,
-        streams.y,
-        smooth,
-        known,
-        sets.test,
-        settings.seed,
-    )
-    steps.done(5 + N_MODELS)
-    alike = _as_many_of_each(sets.test, streams.y)
-    replicas = learn_replicas(
-        lambda q: np.mean([model.predict_proba(q) for model in models], axis=0),
-        streams.clean[alike],
-        design.sigma,
-        design.fit,
-        settings.seed,
-    )
-    steps.done(6 + N_MODELS)
-    committee = _committee(judged, models, streams.observed(design.sigma)[sets.test])
-    return Prepared(
-        design,
-        streams,
-        divided(smooth, design.fit),
-        tuple(models),
-        committee,
-        likeness,
-        pdfs,
-        replicas,
-        refused=refused,
-        misfit=misfit,
-        wrong_errors=_if_errors_are_wrong(models, streams, sets.test, settings.seed),
-    )
+    """`prepare` for streams that are observed already.
+
+    ``free`` are the same classes with their abundance free, see `free_streams`.
+    """
+    design, smooth, seed = check_classes(streams).design, streams.smooth, settings.seed
+    sets, refused = _accepted(split(streams.y, seed), streams)
+    known, observed = np.concatenate([sets.train, sets.validation]), streams.observed(design.sigma)
+    with SideBySide(progress, should_stop, sum(COSTS.values())) as steps:
+        trained = steps.start(
+            0.0,
+            train,
+            streams,
+            design.sigma,
+            settings,
+            steps.within(COSTS["train"]),
+            should_stop,
+            sets=sets,
+        )
+        cloud = Cloud.of(observed[known], streams.y[known], design.sigma)
+        free_trained = (
+            None
+            if free is None
+            else steps.start(COSTS["free"], train, free, design.sigma, settings, None, should_stop)
+        )
+        judged = trained.result()
+        misfit = steps.start(
+            COSTS["misfit"],
+            learn_misfit,
+            judged.classifier,
+            cloud,
+            design,
+            streams.clean,
+            streams.y,
+            smooth,
+            known,
+            sets.test,
+            seed,
+        )
+        likeness = steps.start(
+            COSTS["likeness"], learn_likeness, streams, design.sigma, smooth, known, sets.test, cloud, seed
+        )
+        resampled = [
+            steps.start(COSTS["resampled"] / N_MODELS, _resampled, judged, streams, design, sets, number)
+            for number in range(N_MODELS)
+        ]
+        pdfs = steps.start(COSTS["pdfs"], learn_pdfs, observed, streams.y, design.sigma, known, sets.test)
+        models = (judged.classifier, *(model.result() for model in resampled))
+        replicas = steps.start(
+            COSTS["replicas"],
+            learn_replicas,
+            lambda q: committee_proba(models, q).mean(axis=0),
+            streams.clean[_as_many_of_each(sets.test, streams.y)],
+            design.sigma,
+            design.fit,
+            seed,
+        )
+        wrong_errors = steps.start(
+            COSTS["wrong errors"], _if_errors_are_wrong, models, streams, sets.test, seed
+        )
+        return Prepared(
+            design,
+            streams,
+            divided(smooth, design.fit),
+            models,
+            _committee(judged, models, observed[sets.test]),
+            likeness.result(),
+            pdfs.result(),
+            replicas.result(),
+            free=None
+            if free is None or free_trained is None
+            else FreeAbundance.of(free_trained.result(), free, design.sigma, judged),
+            refused=refused,
+            misfit=misfit.result(),
+            wrong_errors=wrong_errors.result(),
+        )
 
 
 def judge(prepared: Prepared, observation: Observation) -> Verdict:
@@ -301,7 +337,7 @@ def _if_errors_are_wrong(
         q = measured(
             streams.clean[rows], np.float32(factor) * draws, streams.design.sigma, streams.design.fit
         )
-        said = np.mean([model.predict_proba(q.astype(np.float32)) for model in models], axis=0)
+        said = committee_proba(models, q.astype(np.float32)).mean(axis=0)
         found.append((factor, float(np.mean(said.argmax(axis=1) == streams.y[rows]))))
     return tuple(found)
 
@@ -314,7 +350,7 @@ def _as_many_of_each(rows: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def _committee(judged: Judged, models: Sequence[Classifier], held_out: np.ndarray) -> Judged:
     """What the mean of several models says about the held-out streams (n_test, n_bin), and its scores."""
-    probability = np.mean([model.predict_proba(held_out) for model in models], axis=0)
+    probability = committee_proba(models, held_out).mean(axis=0)
     scores = evaluate(judged.y, probability, seed=judged.classifier.card.settings.seed)
     return replace(judged, probability=probability, scores=scores)
 
@@ -332,21 +368,3 @@ def _resampled(
     q, y = augmented(streams, rows, design.sigma, settings.copies, (settings.seed, 9))
     features = FeatureMap.fit(q, settings.features)
     return Classifier(card, features, boost(features(q), y, settings, card.n_trees))
-
-
-class _Steps:
-    """Progress in hundredths over a few long steps, and a look at whether to go on between them."""
-
-    def __init__(self, progress: Progress | None, should_stop: ShouldStop | None, total: int) -> None:
-        self.progress, self.should_stop, self.total = progress, should_stop, total
-
-    def done(self, steps: float) -> None:
-        """So many steps are done."""
-        if self.should_stop is not None and self.should_stop():
-            raise Cancelled
-        if self.progress is not None:
-            self.progress(math.floor(100 * steps / self.total), 100)
-
-    def within(self, steps: int) -> Progress:
-        """Progress inside the first steps."""
-        return lambda done, total: self.done(steps * done / max(total, 1))

@@ -45,11 +45,13 @@ def find_entries(cache: Cache, labels: Sequence[str], stream: StreamModel | None
         When there is none of a mass range; names the command that makes one.
     """
     stream = stream or StreamModel()
-    complete = [e for e in cache.entries(("ensembles",)) if e.state == "complete" and e.config.prior is None]
+    populations = [Population(components=(Perturbers(mass_range=parse_mass_range(m)),)) for m in labels]
+    complete = cache.complete_ensembles(
+        lambda c: c.prior is None and c.stream == stream and c.population in populations
+    )
     found = []
-    for label in labels:
-        wanted = Population(components=(Perturbers(mass_range=parse_mass_range(label)),))
-        fits = [e for e in complete if e.config.population == wanted and e.config.stream == stream]
+    for label, population in zip(labels, populations, strict=True):
+        fits = [entry for entry in complete if entry.config.population == population]
         if not fits:
             raise StoreError(
                 f"The cache has no complete ensemble of {label} M☉; "

@@ -34,6 +34,10 @@ SEEN = 0.5
 """An excess counts as seen where a stream tells half a bit of the one there is to tell."""
 
 
+def _excess(config: EnsembleConfig) -> float:
+    return config.population.components[0].rate_factor - 1.0
+
+
 def ensembles(cache: Cache) -> dict[float, EnsembleConfig]:
     """The largest complete ensemble of the default stream by its excess; 0 is cold dark matter alone.
 
@@ -42,14 +46,15 @@ def ensembles(cache: Cache) -> dict[float, EnsembleConfig]:
     StoreError
         When there are not both the one without an excess and one with; names the command that makes one.
     """
+
+    def alike(config: EnsembleConfig) -> bool:
+        same = config.prior is None and config.stream == EnsembleConfig().stream
+        return same and config.population == with_excess(_excess(config))
+
     found: dict[float, EnsembleConfig] = {}
-    for entry in cache.entries():
-        if entry.kind != "ensemble" or entry.state != "complete" or entry.config.prior is not None:
-            continue
-        config = entry.config
-        excess = config.population.components[0].rate_factor - 1.0
-        alike = config.population == with_excess(excess) and config.stream == EnsembleConfig().stream
-        if alike and (excess not in found or config.n_streams > found[excess].n_streams):
+    for entry in cache.complete_ensembles(alike):
+        config, excess = entry.config, _excess(entry.config)
+        if excess not in found or config.n_streams > found[excess].n_streams:
             found[excess] = config
     for excess, name in ((0.0, "cdm"), (1.0, "clusters-1")):
         if excess not in found and (not excess or len(found) < 2):

@@ -25,7 +25,6 @@ from sklearn.decomposition import PCA
 from sklearn.preprocessing import StandardScaler
 
 from streamdash.config import Config
-from streamdash.statistics.spectrum import power_spectrum
 
 Summary = Literal["moments", "quantiles", "bands", "spectrum", "histogram", "profile", "power"]
 ALL_SUMMARIES: tuple[Summary, ...] = ("moments", "quantiles", "bands", "spectrum", "histogram", "profile")
@@ -138,12 +137,14 @@ class FeatureMap:
                 names += [name + which for name in _names(summary, _widths(self.features, n_bins), n_bins)]
         return names
 
-    def __call__(self, q: np.ndarray) -> np.ndarray:
+    def __call__(self, q: np.ndarray, summaries: np.ndarray | None = None) -> np.ndarray:
         """Features of observed profiles.
 
         Parameters
         ----------
         q : ndarray (n_streams, n_bins)
+        summaries : ndarray (n_streams, n_summaries), optional
+            What `summarise` says of them, if it is known already.
 
         Returns
         -------
@@ -152,7 +153,7 @@ class FeatureMap:
         scores = ((q - self.mean) / self.scale) @ self.components.T
         columns = [scores.astype(np.float32)]
         if self.features.summaries:
-            columns.append(summarise(q, self.features))
+            columns.append(summarise(q, self.features) if summaries is None else summaries)
         return np.concatenate(columns, axis=1)
 
 
@@ -235,6 +236,8 @@ def _spectrum(smoothed: Scales) -> np.ndarray:
 
 def _power(smoothed: Scales) -> np.ndarray:
     """Log power at every wavenumber, in the conventions of `streamdash.statistics.spectrum`."""
+    from streamdash.statistics.spectrum import power_spectrum  # with numba, which no other group needs
+
     q = smoothed[1]
     return np.log(power_spectrum(q, 1.0)[1][:, : _n_waves(q.shape[1])] + POWER_FLOOR)
 

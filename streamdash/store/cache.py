@@ -13,7 +13,7 @@ import os
 import shutil
 import tempfile
 import uuid
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -102,6 +102,17 @@ class Cache:
                     entry = inspect(path, kind, shipped=root != self.writable)
                     if path.exists():  # not removed while it was looked at
                         found.append(entry)
+        return found
+
+    def complete_ensembles(self, wanted: Callable[[EnsembleConfig], bool]) -> list[Entry]:
+        """Complete ensembles whose configuration is wanted; the streams of no others are looked at."""
+        found = []
+        for path in self._ensembles():
+            with contextlib.suppress(StoreError):
+                _, config = read_manifest(path, "ensembles")
+                if isinstance(config, EnsembleConfig) and wanted(config):
+                    entry = inspect(path, "ensembles", shipped=path.parent.parent != self.writable)
+                    found += [entry] if entry.state == "complete" else []
         return found
 
     def verify(self, entry: Entry) -> list[str]:

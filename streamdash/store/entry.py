@@ -341,10 +341,11 @@ def streams_in(config: EnsembleConfig, chunks: Iterable[int]) -> int:
 
 def _size(path: Path) -> int:
     total = 0
-    for folder, _, names in os.walk(path):  # passes over folders that are removed meanwhile
-        for name in names:
+    with contextlib.suppress(OSError), os.scandir(path) as children:  # files may be removed meanwhile
+        for child in children:
             with contextlib.suppress(OSError):
-                total += Path(folder, name).stat().st_size
+                inside = child.is_dir(follow_symlinks=False)
+                total += _size(Path(child)) if inside else child.stat().st_size
     return total
 
 

@@ -43,6 +43,14 @@ def test_damage_that_keeps_size_and_time_is_found_when_opening_and_verifying(toy
         cache.open_ensemble(toy.CONFIG)
 
 
+def test_complete_ensembles_are_those_that_are_wanted_and_whole(toy, cache):
+    path = toy.fill(cache)
+    assert [e.path for e in cache.complete_ensembles(lambda config: config == toy.CONFIG)] == [path]
+    assert cache.complete_ensembles(lambda config: config != toy.CONFIG) == []
+    toy.damage(path / "data.zarr/density/c/1/0", "truncated")
+    assert cache.complete_ensembles(lambda config: config == toy.CONFIG) == []
+
+
 def test_every_problem_is_listed(toy, cache):
     path = toy.fill(cache)
     toy.damage(path / "data.zarr/density/c/1/0", "missing")

@@ -12,7 +12,7 @@ from streamdash.config import Perturbers, StreamModel
 from streamdash.observe.guess import changed, guess
 from streamdash.observe.observation import Observation, interpret, read_observation
 from streamdash.observe.report import answer, report, text
-from streamdash.observe.resemblance import UNLIKE, learn_likeness
+from streamdash.observe.resemblance import UNLIKE, Cloud, learn_likeness
 from streamdash.observe.table import read_table
 from streamdash.observe.verdict import _band, judge, learn, prepare
 from streamdash.plots.report_html import report_html
@@ -164,7 +164,8 @@ def test_profiles_of_nothing_are_unlike_any_class(cache, configs, geometry, bins
     known = replace(streams, q=tuple(q[:-40] for q in streams.q), draws=tuple(d[:-40] for d in streams.draws))
     sets = split(known.y, 0)
     learnt = np.concatenate([sets.train, sets.validation])
-    likeness = learn_likeness(known, sigma, known.smooth, learnt, sets.test)
+    cloud = Cloud.of(known.observed(sigma)[learnt], known.y[learnt], sigma)
+    likeness = learn_likeness(known, sigma, known.smooth, learnt, sets.test, cloud)
     rng = np.random.default_rng(0)
     flat = np.ones(unseen.shape, np.float32)
     phase = rng.uniform(0, 2 * np.pi, (len(flat), 1))
