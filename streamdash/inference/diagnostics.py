@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -11,6 +12,8 @@ import pandas as pd
 from streamdash.inference.posterior import Grid, cumulative
 
 LEVELS = (0.68, 0.95)
+POINTS = 5
+"""Random points that the joint posterior of every stream is looked at from."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +135,42 @@ def tarp(
     return found
 
 
+@dataclass(frozen=True)
+class PairScore:
+    """How well joint posteriors of two parameters do on held-out streams.
+
+    Attributes
+    ----------
+    information : mean log₂ of joint posterior over prior density at the truth (bits), and its standard error.
+    coverage : share of streams whose `tarp` rank is below each of `LEVELS`: what a calibrated posterior has.
+    n : streams.
+    """
+
+    information: float
+    error: float
+    coverage: tuple[float, ...]
+    n: int
+
+
+def pair_scores(
+    p: np.ndarray, grid: Grid, truth: pd.DataFrame, without: tuple[str, ...] = (), seed: int = 0
+) -> dict[tuple[str, str], PairScore]:
+    """Information and expected coverage (`tarp`) of every two parameters, those in `without` left out."""
+    rng = np.random.default_rng(seed)
+    found = {}
+    for names in itertools.combinations([name for name in grid if name not in without], 2):
+        others = tuple(i + 1 for i, name in enumerate(grid) if name not in names)
+        gained = joint_bits(p.sum(axis=others), {name: grid[name] for name in names}, truth)
+        rank = np.concatenate([tarp(p, grid, truth, names, rng, 200) for _ in range(POINTS)])
+        found[names] = PairScore(
+            float(gained.mean()),
+            float(gained.std() / np.sqrt(len(gained))),
+            tuple(float(np.mean(rank < level)) for level in LEVELS),
+            len(gained),
+        )
+    return found
+
+
 def as_record(found: Mapping[str, Score]) -> dict[str, dict[str, float]]:
     """Scores as plain numbers, for cards and tables."""
     return {
@@ -145,3 +184,21 @@ def as_record(found: Mapping[str, Score]) -> dict[str, dict[str, float]]:
         }
         for name, s in found.items()
     }
+
+
+def table_of_pairs(single: Mapping[str, Score], pairs: Mapping[tuple[str, str], PairScore]) -> str:
+    """Scores of parameters and of pairs of them as a table in Markdown."""
+    n = next(iter(single.values())).n
+    lines = [
+        f"| parameter ({n} streams) | information (bits) | 68 % width | coverage of 68 % | of 95 % |",
+        "|---|---|---|---|---|",
+    ]
+    for name, s in single.items():
+        shares = " | ".join(f"{share:.3f}" for share in s.coverage)
+        lines.append(f"| {name} | {s.information:.2f} ± {s.error:.2f} | {s.width:.2f} | {shares} |")
+    for names, pair in pairs.items():
+        shares = " | ".join(f"{share:.3f}" for share in pair.coverage)
+        lines.append(
+            f"| {' with '.join(names)}, by TARP | {pair.information:.2f} ± {pair.error:.2f} | | {shares} |"
+        )
+    return "\n".join(lines)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from app.pages.infer.state import ERRORS
+from app.pages.infer.state import ERRORS, WINDOW_WORDS
 from app.services.services import Services
 from app.session.catalog import Choice
 from app.session.session import Session
@@ -16,7 +16,7 @@ from app.work.tasks import Compute
 from streamdash.classifier.data import Cancelled
 from streamdash.config import StreamModel
 from streamdash.inference.cells import AGE
-from streamdash.inference.diagnostics import Score, marginals, ranks, scores
+from streamdash.inference.diagnostics import PairScore, Score, marginals, pair_scores, ranks, scores
 from streamdash.inference.estimator import STRANGE, Estimator
 from streamdash.inference.files import EstimatorFileError, load_estimator
 from streamdash.inference.held_out import NOISE_SEED, HeldOut, load_streams, seen
@@ -89,7 +89,7 @@ class Answer:
     Attributes
     ----------
     posterior : Posterior
-        With the age fixed, or summed over where it is not shown.
+        With the age fixed, where it is taken as known.
     bands : ndarray (5, n_bin)
     strangeness : float
     """
@@ -113,7 +113,7 @@ class Answer:
     def truth(self) -> dict[str, float] | None:
         """True values of the posterior's parameters, where they are known."""
         truth = self.data.truth
-        return {name: truth[name] for name in self.posterior.names} if truth else None
+        return {name: truth[name] for name in self.posterior.names if name in truth} if truth else None
 
     @property
     def sigma(self) -> np.ndarray:
@@ -122,21 +122,27 @@ class Answer:
 
 
 def shipped(services: Services, model: StreamModel, prior: str) -> Oracle | None:
-    """The oracle that comes with the package for a stream and a prior, if there is one."""
+    """The oracle that comes with the package for a stream and a prior; one that is told, if there is one."""
+    return _shipped(services, model, prior, True) or _shipped(services, model, prior, False)
+
+
+def sharpest(services: Services, model: StreamModel, prior: str) -> Oracle | None:
+    """The oracle of one age and one size of the errors, which says more of just those."""
+    return _shipped(services, model, prior, False)
+
+
+def _shipped(services: Services, model: StreamModel, prior: str, told: bool) -> Oracle | None:
     name = stream_of(model).name
 
     def compute() -> Oracle | None:
-        for told in (True, False):
-            try:
-                estimator = load_estimator(name, prior, told)
-                streams = load_streams(name, prior, told)
-            except (EstimatorFileError, ValueError):
-                continue
-            if same_arm(estimator.stream, model):
-                return Oracle(estimator, streams, True, told)
-        return None
+        try:
+            estimator = load_estimator(name, prior, told)
+            streams = load_streams(name, prior, told)
+        except (EstimatorFileError, ValueError):
+            return None
+        return Oracle(estimator, streams, True, told) if same_arm(estimator.stream, model) else None
 
-    return services.shared(("infer-shipped", name, model.arm, prior), compute)
+    return services.shared(("infer-shipped", name, model.arm, prior, told), compute)
 
 
 def same_arm(one: StreamModel, other: StreamModel) -> bool:
@@ -203,7 +209,8 @@ def mock(oracle: Oracle, base: Oracle, number: int, window: str, factor: float) 
         usual = np.flatnonzero(truths[AGE] == base.estimator.stream.age_gyr)
     index = int(usual[(number - 1) % len(usual)])
     clean = base.streams.clean[index : index + 1]
-    truth = {name: float(value) for name, value in truths.iloc[index].items()}
+    truth = {AGE: base.estimator.stream.age_gyr}
+    truth |= {name: float(value) for name, value in truths.iloc[index].items()}
     part = part_of(clean.shape[1], window)
     return Data(
         _seen(oracle, clean[:, part], factor, index),
@@ -251,7 +258,9 @@ def answer(oracle: Oracle, data: Data, factor: float, age: float | None) -> Answ
     """Posterior, strangeness and predictive bands of a profile."""
     estimator = oracle.estimator
     joint = estimator.posteriors(data.q[None], factor)[0]
-    kept = joint if age is None else joint.given(AGE, *cell_ends(joint, age))
+    kept = joint
+    if age is not None and AGE in joint.grid:
+        kept = joint.given(AGE, *cell_ends(joint, age))
     weight = stream_weights(kept, oracle.streams.truth)
     some = weight > 0  # those of other ages have none
     bands = weighted_bands(oracle.streams.observed(estimator, factor)[some], weight[some])
@@ -267,44 +276,62 @@ def cell_ends(joint: Posterior, age: float) -> tuple[float, float]:
 
 
 def at_age(joint: Posterior, age: float | None) -> Posterior:
-    """The posterior when the age is known, without the age; as it is when it is not."""
-    return joint if age is None else joint.at(AGE, age)
+    """The posterior when the age is known, without the age; as it is when it is not, or not inferred."""
+    return joint if age is None or AGE not in joint.grid else joint.at(AGE, age)
 
 
 def moved(
-    given: Answer, data_at: Callable[[Oracle, float], Data | None] | None = None
+    given: Answer,
+    told: Oracle | None = None,
+    data_at: Callable[[Oracle, float, str], Data | None] | None = None,
+    cut: Mapping[str, Oracle] | None = None,
 ) -> list[tuple[str, Posterior]]:
-    """The answer under other assumptions: as asked, at each age, and with the errors of other surveys.
+    """The answer under other assumptions: at each age, with other surveys' errors, from a part of the stretch.
 
     Parameters
     ----------
+    told : what answers for other ages and errors; the answer's own oracle by default.
     data_at : callable, optional
-        Gives the same stream with errors of another size; None where there is but one measurement.
+        Gives the same stream for an oracle, with errors of another size, in a part of the stretch; None where
+        there is but one measurement.
+    cut : what answers for parts of the stretch, by `app.pages.infer.state.WINDOW_WORDS`.
     """
-    oracle = given.oracle
-    estimator = oracle.estimator
-    rows = [("as asked", given.posterior.without(AGE))]
-    joint = given.joint
-    rows += [(f"age {age:g} Gyr", at_age(joint, age)) for age in oracle.ages]
-    if oracle.ages:
+    told = told or given.oracle
+    estimator = told.estimator
+    asked = given.posterior.without(AGE)
+    rows = [("as asked", asked)]
+    if told.ages:
+        joint = given.joint
+        if told is not given.oracle:
+            joint = estimator.posteriors(given.data.q[None], given.noise_factor)[0]
+        for age in told.ages:
+            same = age == given.age
+            rows.append((f"age {age:g} Gyr", asked if same else at_age(joint, age)))
         rows.append(("age unknown", joint.without(AGE)))
+    if data_at is None:
+        return rows
+    for window, oracle in (cut or {}).items():
+        data = data_at(oracle, 1.0, window)
+        if data is not None:
+            rows.append((f"{WINDOW_WORDS[window]} alone", oracle.estimator.posteriors(data.q[None])[0]))
     stream = stream_of(estimator.stream).name
-    if data_at is not None and estimator.noise_told and stream in TODAY:
+    if estimator.noise_told and stream in TODAY:
         for years in YEARS:
             factor = round(noise_factor(stream, years), 3)
-            data = data_at(oracle, factor) if oracle.errors[0] <= factor <= oracle.errors[1] else None
+            data = data_at(told, factor, "whole") if told.errors[0] <= factor <= told.errors[1] else None
             if data is not None:
                 other = estimator.posteriors(data.q[None], factor)[0]
-                label = f"LSST, year {years}: errors × {factor:.2f}"
+                label = f"LSST, year {years}: errors × {factor:.2g}, roughly"
                 rows.append((label, at_age(other, given.age).without(AGE)))
     return rows
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Scores of every parameter, and ranks of the first one's truth, on held-out streams."""
+    """Scores of every parameter and pair, and ranks of the first one's truth, on held-out streams."""
 
     scores: dict[str, Score]
+    pairs: dict[tuple[str, str], PairScore]
     ranks: np.ndarray
     name: str
 
@@ -320,7 +347,8 @@ def calibration(services: Services, oracle: Oracle, factor: float) -> Calibratio
         marginal = marginals(p, estimator.grid, name)
         rank = ranks(marginal, np.asarray(estimator.grid[name]), truth[name].to_numpy())
         found = scores(p, estimator.grid, truth)
-        return Calibration({n: score for n, score in found.items() if n != AGE}, rank, name)
+        pairs = pair_scores(p, estimator.grid, truth, without=(AGE,))
+        return Calibration({n: score for n, score in found.items() if n != AGE}, pairs, rank, name)
 
     return services.shared(("infer-calibration", *oracle.key, factor), compute)
 

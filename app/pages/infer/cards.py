@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import panel as pn
+from panel.viewable import Viewable
 
 from app import ui
 from app.pages.infer.answers import Answer, Calibration
@@ -36,7 +37,8 @@ BAND_LEGEND = (
 )
 ROWS_WORDS = (
     "Median, 68 % and 95 % interval of the abundance. An age can be fixed, and errors made smaller, where an "
-    "estimator that was told them is shipped."
+    "estimator that was told them is shipped; the usual age and errors have a sharper one of their own. Errors "
+    "with LSST are rough: they count the stream’s stars down to a depth, and no background."
 )
 
 
@@ -47,6 +49,8 @@ class Cards:
     ----------
     asked
         Gives what the listings must say.
+    cutting
+        What asks for the answers from parts of the stretch.
 
     Attributes
     ----------
@@ -54,7 +58,7 @@ class Cards:
         What is shown.
     """
 
-    def __init__(self, asked: Callable[[], Asked]) -> None:
+    def __init__(self, asked: Callable[[], Asked], cutting: Viewable) -> None:
         self._asked = asked
         self.found: Answer | None = None
         self.rows: Sequence[tuple[str, Posterior]] = ()
@@ -86,7 +90,7 @@ class Cards:
         )
         self.moves_card = ui.FigureCard(
             "What each assumption does",
-            [pn.Column(ui.plain_text(ROWS_WORDS), self.moves_slot, sizing_mode=ui.WIDE, margin=0)],
+            [pn.Column(ui.plain_text(ROWS_WORDS), self.moves_slot, cutting, sizing_mode=ui.WIDE, margin=0)],
             name="assumptions",
             image=lambda kind: export(self._moves("matplotlib"), kind),
             table=lambda: infer.interval_table(self.rows, self._first()),

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from app.pages.infer.answers import Answer, Oracle, cell_ends, part_of
 from streamdash.config import StreamModel
+from streamdash.inference.cells import AGE
 from streamdash.streams import stream_of
 
 IMPORTS = """\
@@ -38,7 +39,8 @@ class Asked:
     """What the listing must say again: the choices behind an answer."""
 
     found: Answer
-    base: Oracle | None
+    mocks: Oracle | None
+    told: bool
     model: StreamModel
     prior: str
     source: str
@@ -46,10 +48,8 @@ class Asked:
     assumptions: str
     example: bool
 
-    @property
-    def stem(self) -> str:
+    def stem(self, told: bool) -> str:
         """Arguments that name what is shipped."""
-        told = self.base is not None and self.base.told
         return f'"{stream_of(self.model).name}", "{self.prior}", told={told}'
 
 
@@ -65,20 +65,22 @@ def head(asked: Asked) -> str:
             "observation = interpret(table, assumptions, load_geometry(model, cache))",
             "design, q = observation.design, observation.q",
         ]
-    elif asked.base is not None:
-        lines.append(f"whole, mocks = load_estimator({asked.stem}).design, load_streams({asked.stem})")
+    elif asked.mocks is not None:
+        stem = asked.stem(asked.mocks.told)
+        lines.append(f"whole, mocks = load_estimator({stem}).design, load_streams({stem})")
     else:
         lines.append("whole = default_design(load_geometry(model, cache))")
     if asked.found.oracle.shipped:
-        lines.append(f"estimator, streams = load_estimator({asked.stem}), load_streams({asked.stem})")
+        stem = asked.stem(asked.found.oracle.told)
+        lines.append(f"estimator, streams = load_estimator({stem}), load_streams({stem})")
     else:
         if asked.source != "upload":
             part = part_of(asked.found.oracle.estimator.design.n_bin, "whole")
-            if asked.base is not None:
-                part = part_of(asked.base.estimator.design.n_bin, asked.window)
+            if asked.mocks is not None:
+                part = part_of(asked.mocks.estimator.design.n_bin, asked.window)
             lines.append(f"design = whole.part(slice({part.start}, {part.stop}))")
         lines.append(f'estimator, streams = learnt(PRIORS["{asked.prior}"], model, design, cache)')
-        if asked.base is None:
+        if asked.mocks is None:
             lines.append("mocks = streams")
     return "\n".join([*lines, *asked.found.data.code]) + "\n"
 
@@ -88,11 +90,16 @@ def _factor(found: Answer) -> str:
     return f", {found.noise_factor:g}" if found.oracle.estimator.noise_told else ""
 
 
+def _fixed(found: Answer) -> bool:
+    """Whether an age that could be inferred is taken as known."""
+    return found.age is not None and AGE in found.joint.grid
+
+
 def answer_code(asked: Asked) -> str:
     """The answer in words, and its corner plot."""
     found = asked.found
     factor = _factor(found)
-    age = "" if found.age is None else f'.at("age_gyr", {found.age:g})'
+    age = f'.at("age_gyr", {found.age:g})' if _fixed(found) else ""
     return head(asked) + (
         f"posterior = estimator.posteriors(q[None]{factor})[0]{age}\n"
         'print(*sentences(posterior, estimator.prior), sep="\\n")\n'
@@ -107,7 +114,7 @@ def bands_code(asked: Asked) -> str:
     found = asked.found
     factor = _factor(found)
     given = ""
-    if found.age is not None:
+    if found.age is not None and _fixed(found):
         low, high = cell_ends(found.joint, found.age)
         given = f'.given("age_gyr", {low:.6g}, {high:.6g})'
     return head(asked) + (
@@ -125,15 +132,16 @@ def bands_code(asked: Asked) -> str:
 def moves_code(asked: Asked) -> str:
     """The answer at each age that can be fixed."""
     found = asked.found
-    factor = _factor(found)
-    lines = [f"posterior = estimator.posteriors(q[None]{factor})[0]"]
-    if found.oracle.ages:
-        lines += [
-            f"for age in {found.oracle.ages}:",
+    if asked.told and found.oracle.shipped:
+        lines = [
+            f"told = load_estimator({asked.stem(True)})",
+            f"posterior = told.posteriors(q[None], {found.noise_factor:g})[0]",
+            "for age in sorted(told.prior.ages_gyr):",
             '    given = posterior.at("age_gyr", age)',
             '    print(age, given.median("log10_rate"), given.interval("log10_rate", 0.68))',
         ]
     else:
+        lines = [f"posterior = estimator.posteriors(q[None]{_factor(found)})[0]"]
         lines += ['print(posterior.median("log10_rate"), posterior.interval("log10_rate", 0.68))']
     return head(asked) + "\n".join(lines) + "\n"
 

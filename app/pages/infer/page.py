@@ -19,6 +19,7 @@ from app.pages.infer.parts import answer_html, methods_html, page_grid
 from app.pages.observe.reading import Reading, changes_of, file_of, read, show_example
 from app.pages.observe.state import AUTO, LINKED, Upload
 from app.services.services import Unavailable
+from app.ui.study import TaskControls
 from app.work.later import Later
 from app.work.tasks import Task, Watch
 from streamdash.config import StreamModel
@@ -27,6 +28,7 @@ from streamdash.streams import stream_of, stream_text
 from streamdash.survey.design import Design
 
 BLANK: dict[str, Any] = {"columns": {}, **dict.fromkeys(LINKED.values(), AUTO)}
+HALVES = ("first", "second")
 CHOICES = ("prior", "data", "number", "class", "errors", "age", "window", "kept")
 FILE = frozenset({"example", "upload", "columns", "infer_data", *LINKED.values()})
 """What decides which file is read, and how."""
@@ -47,7 +49,9 @@ class InferPage(Page):
         self.reading = Reading()
         self.model = self._model()
         self.watch = Watch(self._show_task)
-        self.cards = Cards(self._asked)
+        self.cut_watch = Watch(self._show_cut)
+        self.cutting = TaskControls("Halve the stretch", self.cut, self.cut_watch.cancel, "infer-cut")
+        self.cards = Cards(self._asked, self.cutting.view)
         self.later_file = Later(self.services, self._show_reading, self._refuse)
         self.later_rows = Later(self.services, self.cards.show_rows, self.cards.fail_rows)
         self.later_ranks = Later(self.services, self.cards.show_ranks, self.cards.fail_ranks)
@@ -90,6 +94,7 @@ class InferPage(Page):
         for later in (self.later_file, self.later_rows, self.later_ranks):
             later.cancel()
         self.watch.leave()
+        self.cut_watch.leave()
         super().close()
 
     @property
@@ -122,17 +127,33 @@ class InferPage(Page):
         usual = answers.usual_design(self.services, self.model, self.base)
         return usual.part(answers.part_of(usual.n_bin, self.session.infer_window))
 
+    @property
+    def mocks(self) -> Oracle | None:
+        """The oracle whose held-out streams are the mocks: no estimator has learnt from them."""
+        return answers.sharpest(self.services, self.model, self.session.infer_prior) or self.base
+
     def _oracle(self) -> Oracle | None:
         """What answers for these bins, if it is known already; else it must be trained."""
         design = self._design()
         if design is None:
             return None
         base = self.base
-        if base is not None and base.estimator.design.key == design.key:
-            return base
+        if base is None or base.estimator.design.key != design.key:
+            return self._trained(design)
+        sharp = answers.sharpest(self.services, self.model, self.session.infer_prior)
+        return sharp if sharp is not None and self._is_usual(sharp) else base
+
+    def _trained(self, design: Design) -> Oracle | None:
+        """What has been trained for a design, if anything has."""
         key, _ = answers.training(self.services, self.model, self.session.infer_prior, design)
         task = self.services.laboratory.find(key)
         return task.result if task is not None and task.state == "done" else None
+
+    def _is_usual(self, sharp: Oracle) -> bool:
+        """Whether age and errors are those that the sharpest oracle knows alone."""
+        session, usual = self.session, sharp.estimator.stream.age_gyr
+        errors = session.infer_data == "upload" or session.infer_errors == 1
+        return errors and session.infer_age in ("usual", f"{usual:g}")
 
     def train(self) -> None:
         """Have an estimator trained for the bins that are asked about, or join those who wait for it."""
@@ -141,8 +162,9 @@ class InferPage(Page):
             question = answers.training(self.services, self.model, self.session.infer_prior, design)
             self.watch.follow(self.services.laboratory.ask(*question))
 
-    def _data(self, oracle: Oracle, factor: float) -> Data | None:
-        session, base = self.session, self.base
+    def _data(self, oracle: Oracle, factor: float, window: str | None = None) -> Data | None:
+        session, mocks = self.session, self.mocks
+        window = window or session.infer_window
         if session.infer_data == "upload":
             observation = self.reading.observation
             return answers.uploaded(observation, session.example == "yes") if observation else None
@@ -150,13 +172,13 @@ class InferPage(Page):
             choice = answers.choice_of(session)
             if choice is None:
                 return None
-            whole = answers.usual_design(self.services, self.model, base)
+            whole = answers.usual_design(self.services, self.model, self.base)
             return answers.simulated(
-                self.services, oracle, whole, choice, session.infer_number, session.infer_window, factor
+                self.services, oracle, whole, choice, session.infer_number, window, factor
             )
-        if base is None and session.infer_window != "whole":
+        if mocks is None and window != "whole":
             return None  # its mocks have the bins that it was trained for
-        return answers.mock(oracle, base or oracle, session.infer_number, session.infer_window, factor)
+        return answers.mock(oracle, mocks or oracle, session.infer_number, window, factor)
 
     def _factor(self, oracle: Oracle) -> float:
         if self.session.infer_data == "upload":
@@ -171,7 +193,7 @@ class InferPage(Page):
             return None
         usual = oracle.estimator.stream.age_gyr
         age = usual if chosen == "usual" else float(chosen)
-        known = [known for known in (age, usual) if known in oracle.ages]
+        known = [known for known in (age, usual) if known in (oracle.ages or (usual,))]
         return known[0] if known else None
 
     # ------------------------------------------------------------ answering
@@ -193,13 +215,16 @@ class InferPage(Page):
             self.controls.keep.disabled = found.strange
             self.cards.show(found, self._dark)
             self._ask(found)
+        self._offer_halves(oracle if data is not None else None)
         self._show_joined()
 
     def _ask(self, found: Answer) -> None:
         """What moves the answer, and whether it is calibrated, once the controls rest."""
         same = None if self.session.infer_data == "upload" else self._data
+        told = self.base if found.oracle.shipped else None
+        cut = self._halves() if found.oracle.shipped else {}
         if not found.strange:
-            self.later_rows.ask(lambda: answers.moved(found, same))
+            self.later_rows.ask(lambda: answers.moved(found, told, same, cut))
         self.later_ranks.ask(lambda: answers.calibration(self.services, found.oracle, found.noise_factor))
 
     def put_aside(self) -> None:
@@ -282,6 +307,46 @@ class InferPage(Page):
         if task.state == "done":
             self._answer()
 
+    # ------------------------------------------------------------ parts of the stretch
+
+    def _part(self, window: str) -> Design:
+        usual = answers.usual_design(self.services, self.model, self.base)
+        return usual.part(answers.part_of(usual.n_bin, window))
+
+    def _halves(self) -> dict[str, Oracle]:
+        """What answers for either half of the stretch, as far as it has been trained."""
+        found = {window: self._trained(self._part(window)) for window in HALVES}
+        return {window: oracle for window, oracle in found.items() if oracle is not None}
+
+    def cut(self) -> None:
+        """Have estimators trained for both halves of the stretch, one after the other."""
+        missing = [window for window in HALVES if window not in self._halves()]
+        if missing:
+            design = self._part(missing[0])
+            question = answers.training(self.services, self.model, self.session.infer_prior, design)
+            self.cut_watch.follow(self.services.laboratory.ask(*question))
+
+    def _show_cut(self, task: Task) -> None:
+        self.cutting.show(task, "Both halves are shown.")
+        if task.state == "done":
+            self.cut()
+            if self.found is not None:
+                self._offer_halves(self.found.oracle)
+                self._ask(self.found)
+
+    def _offer_halves(self, oracle: Oracle | None) -> None:
+        """The button for both halves, where a stream that can be seen anew is answered from the whole."""
+        whole = oracle is not None and oracle.shipped and self.session.infer_data != "upload"
+        there = len(self._halves()) if whole else 0
+        self.cutting.view.visible = whole and there < len(HALVES)
+        if not self.cut_watch.following:
+            self.cutting.text.text = (
+                "What would half of the stretch say? An estimator is trained for either: "
+                + answers.cost(self.model, self.session.infer_prior)
+                if whole
+                else ""
+            )
+
     def _methods(self) -> list[Viewable]:
         methods = shipped_methods(stream_of(self.model).name)
         if not methods:
@@ -299,7 +364,8 @@ class InferPage(Page):
         session, observation = self.session, self.reading.observation
         return Asked(
             self.cards.ready(),
-            self.base,
+            self.mocks,
+            self.base is not None and self.base.told,
             self.model,
             session.infer_prior,
             session.infer_data,

@@ -32,6 +32,10 @@ tbody th { font-weight: 400; }
           border-left: 6px solid #0072b2; background: #0072b21a; }
 .unlike { border-color: #d64533; background: #d645331f; }
 """
+PAIR_WORDS = (
+    " Of two parameters together, the table gives the share of streams whose truth is within regions of 68 % "
+    "and 95 % about random points (TARP)."
+)
 COLUMNS = ("information (bits)", "68 % width (dex)", "coverage of 68 %", "of 95 %")
 GRID = """
 :host { display: grid !important; grid-template-columns: 300px minmax(0, 1fr); gap: 0 20px;
@@ -103,6 +107,10 @@ def calibration_html(found: Calibration, prior: Prior) -> Markup:
         (corner.axis_label(name, prior), _numbers(as_record({name: s})[name]))
         for name, s in found.scores.items()
     ]
+    for names, pair in found.pairs.items():
+        label = " with ".join(corner.axis_label(name, prior) for name in names) + ", by TARP"
+        covered = (f"{share:.2f}" for share in pair.coverage)
+        rows.append((label, [f"{pair.information:.2f} ± {pair.error:.2f}", "", *covered]))
     return render("pages/infer/scores.html", name="Calibration", columns=["parameter", *COLUMNS], rows=rows)
 
 
@@ -113,7 +121,7 @@ def calibration_sentence(found: Calibration) -> str:
         f"Of {score.n} streams that it has not learnt from, {score.coverage[0]:.0%} have their true value in "
         f"the 68 % interval and {score.coverage[1]:.0%} in the 95 % one. The grey band is where 95 % of the "
         "bars lie if the posteriors are right."
-    )
+    ) + (PAIR_WORDS if found.pairs else "")
 
 
 def methods_html(methods: Mapping[str, Mapping[str, float]]) -> Markup:
