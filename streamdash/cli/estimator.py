@@ -56,6 +56,7 @@ def train_command(
     from streamdash.inference.held_out import HeldOut
     from streamdash.inference.prior_ensemble import PriorEnsemble, default_design
     from streamdash.inference.training import Training
+    from streamdash.simulation.geometry import load_geometry
 
     if not output.absolute().parent.is_dir():
         raise InputError(f"The folder of {output} does not exist; make it first.")
@@ -68,7 +69,7 @@ def train_command(
         ensemble = PriorEnsemble.load(
             asked, model, streams, place, progress=titled("Simulating streams of the prior"), nice=10
         )
-        design = default_design(ensemble.members[0].geometry)
+        design = default_design(load_geometry(model, place))
         training = Training(members=members, told=("noise", "age") if told else ())
         estimator = replace(Estimator.fit(ensemble, design, training, titled("Training")), stream=model)
         fresh = HeldOut.fresh(estimator, held_out, HELD_OUT_SEED, place)

@@ -28,6 +28,8 @@ FINER = 6
 KEV = (1, 2, 3, 5, 10, 20)
 """Ticks of the axis of the warm particle's mass."""
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+BEYOND = {"log10_rate": "none", "log10_half_mode_mass": "CDM", "log10_excess": "CDM"}
+"""What lies beyond the left end of a logarithm: no subhalos; a half-mode mass or an excess of 0."""
 FAR = 1e4
 POSTERIOR, WITHIN, PRIOR, TRUTH, REGIONS = "posterior", "within 68 %", "prior", "truth", "regions"
 Truth = Mapping[str, float]
@@ -56,9 +58,13 @@ def ticks(name: str, edges: np.ndarray, prior: Prior) -> list[tuple[float, str]]
         return [(float(x), f"{x:.3g}") for x in np.linspace(low, high, 5)]
     decades = np.arange(np.ceil(low), np.floor(high) + 0.5)
     if name == "log10_half_mode_mass":
-        return [(float(x), "10" + f"{x:.0f}".translate(SUPERSCRIPTS)) for x in decades]
-    marks = np.union1d(decades, decades + np.log10(3)) if high - low <= 2.5 else decades
-    return [(float(x), f"{float(f'{10**x:.1g}'):g}") for x in marks if low <= x <= high]
+        found = [(float(x), "10" + f"{x:.0f}".translate(SUPERSCRIPTS)) for x in decades]
+    else:
+        marks = np.union1d(decades, decades + np.log10(3)) if high - low <= 2.5 else decades
+        found = [(float(x), f"{float(f'{10**x:.1g}'):g}") for x in marks if low <= x <= high]
+    if name in BEYOND and found and np.isclose(found[0][0], low):
+        found[0] = low, f"{found[0][1]}\n← {BEYOND[name]}"
+    return found
 
 
 def diagonal(

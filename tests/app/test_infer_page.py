@@ -33,14 +33,15 @@ def shown(live, label: str, column: str) -> np.ndarray:
 
 
 def test_another_mock_is_answered_by_the_shipped_estimator_and_the_figures_follow(page):
-    base = page.base
+    sharp = page.mocks
+    assert sharp.estimator.design.key == page.base.estimator.design.key and not sharp.told
     for number in (2, 5):
         page.session.infer_number = number
         found = page.found
-        q = answers.mock(base, base, number, "whole", 1.0).q
-        expected = base.estimator.posteriors(q[None])[0].at("age_gyr", 9.0)  # the stream's own age
+        q = answers.mock(sharp, sharp, number, "whole", 1.0).q
+        expected = sharp.estimator.posteriors(q[None])[0]  # it knows the usual age and errors alone
         np.testing.assert_allclose(found.posterior.p, expected.p)
-        first = sentences(expected, base.estimator.prior)[0]
+        first = sentences(expected, sharp.estimator.prior)[0]
         assert first in page.answer.object
         for name, live in page.cards.corner.diagonals.items():
             columns = corner.diagonal_columns(expected, name, found.data.truth)
@@ -48,8 +49,7 @@ def test_another_mock_is_answered_by_the_shipped_estimator_and_the_figures_follo
                 for column, values in new.items():
                     np.testing.assert_allclose(shown(live, label, column), values)
         np.testing.assert_allclose(shown(page.cards.live, infer.MEDIAN, "y0"), found.bands[2])
-        truth = base.streams.truth
-        assert found.data.truth == dict(truth[truth.age_gyr == 9].iloc[number - 1])
+        assert found.data.truth == {"age_gyr": 9.0} | dict(sharp.streams.truth.iloc[number - 1])
     assert page.session.search == f"{LINK}&infer_number=5"
 
 
@@ -61,27 +61,31 @@ def test_bands_hold_the_streams_they_are_made_of(page):
 
 def test_what_each_assumption_does_is_the_same_posterior_conditioned(page):
     rows = dict(page.cards.rows)
-    joint = page.found.joint
+    joint = page.base.estimator.posteriors(page.found.data.q[None])[0]
     np.testing.assert_allclose(rows["as asked"].p, rows["age 9 Gyr"].p)
-    for age in (3.0, 5.0, 9.0):
+    for age in (3.0, 5.0, 7.0):
         np.testing.assert_allclose(rows[f"age {age:g} Gyr"].p, joint.at("age_gyr", age).p)
     np.testing.assert_allclose(rows["age unknown"].p, joint.marginal("log10_rate"))
     assert any("LSST, year 1:" in name for name in rows) and any("LSST, year 10" in name for name in rows)
     # An older stream was hit more often: the younger it is thought, the more there must have been.
-    medians = [rows[f"age {age:g} Gyr"].median("log10_rate") for age in (3.0, 5.0, 9.0)]
+    medians = [joint.at("age_gyr", age).median("log10_rate") for age in (3.0, 5.0, 7.0, 9.0)]
     assert medians == sorted(medians, reverse=True)
+    page.session.infer_errors = 0.9  # not the usual ones: another estimator, that is told them
+    rows = dict(page.cards.rows)
+    assert page.found.oracle.told
+    np.testing.assert_allclose(rows["as asked"].p, page.found.joint.at("age_gyr", 9.0).p)
 
 
 def test_errors_and_age_are_followed(page):
     base, session = page.base, page.session
     session.infer_errors = 0.4
-    index = np.flatnonzero(base.streams.truth.age_gyr == 9)[0]
-    q = answers.mock(base, base, 1, "whole", 0.4).q
-    full = answers.mock(base, base, 1, "whole", 0.8).q
+    q = answers.mock(base, page.mocks, 1, "whole", 0.4).q
+    full = answers.mock(base, page.mocks, 1, "whole", 0.8).q
     assert page.found.noise_factor == 0.4
     np.testing.assert_allclose(page.found.sigma, 0.4 * base.estimator.design.sigma)
     np.testing.assert_allclose(page.found.joint.p, base.estimator.posteriors(q[None], 0.4)[0].p)
-    assert np.std(full - q) > 0 and page.found.data.truth == dict(base.streams.truth.iloc[index])
+    assert np.std(full - q) > 0
+    assert page.found.data.truth["log10_rate"] == page.mocks.streams.truth.log10_rate[0]
     session.infer_age = "3"
     assert page.found.posterior.names == ("log10_rate",)
     np.testing.assert_allclose(page.found.posterior.p, page.found.joint.at("age_gyr", 3.0).p)
@@ -93,7 +97,7 @@ def test_errors_and_age_are_followed(page):
 
 def test_calibration_is_computed_and_said(page):
     score = page.cards.calibrated.scores["log10_rate"]
-    n = page.base.streams.n_streams
+    n = page.found.oracle.streams.n_streams
     assert score.n == n == len(page.cards.calibrated.ranks)
     # Four standard errors of so many streams about the bounds.
     assert abs(score.coverage[0] - 0.68) < 0.03 + 4 * np.sqrt(0.68 * 0.32 / n)
@@ -221,10 +225,47 @@ def test_an_estimator_is_trained_in_the_background_and_then_answers(
     assert page.found.oracle is found.oracle, "the same bins are not learnt again"
 
 
+def test_halves_of_the_stretch_say_less_than_the_whole(open_shell, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "kept"))
+    monkeypatch.setattr(answers, "learnt", partial(answers.learnt, n_streams=500))
+    page = open_shell(LINK).page
+    assert page.cutting.view.visible and not any("half" in name for name, _ in page.cards.rows)
+    page.cut()
+    settle(page)
+    rows = dict(page.cards.rows)
+    for window, part in (("first", slice(0, 173)), ("second", slice(173, None))):
+        oracle = page._halves()[window]
+        assert oracle.estimator.design.key == page.base.estimator.design.part(part).key
+        q = answers.mock(oracle, page.mocks, 1, window, 1.0).q
+        np.testing.assert_allclose(rows[f"{window} half alone"].p, oracle.estimator.posteriors(q[None])[0].p)
+    assert not page.cutting.view.visible, "nothing is left to be trained"
+    page.session.infer_window = "first"
+    assert page.found.oracle is page._halves()["first"] and not page.cutting.view.visible
+
+
+def test_two_parameters_together_are_calibrated_and_said(open_shell):
+    page = open_shell(f"{LINK}&infer_prior=population").page
+    assert page.found.posterior.names == ("log10_rate", "log10_half_mode_mass", "log10_excess")
+    pairs = page.cards.calibrated.pairs
+    assert len(pairs) == 3 and "TARP" in page.cards.rank_card._sentence.text
+    for pair in pairs.values():
+        error = np.sqrt(0.68 * 0.32 / pair.n)
+        assert abs(pair.coverage[0] - 0.68) < 0.03 + 3 * error
+        assert pair.information > 0.5
+    assert page.cards.scores.object.count("by TARP") == 3
+    # What lies beyond the left ends is written there.
+    prior, grid = page.base.estimator.prior, page.base.estimator.grid
+    first = {name: corner.ticks(name, np.asarray(grid[name]), prior)[0][1] for name in grid}
+    assert first["log10_rate"].endswith("← none")
+    assert first["log10_half_mode_mass"].endswith("← CDM") and first["log10_excess"].endswith("← CDM")
+
+
 def settle(page, seconds: float = 600) -> None:
     """Wait as the page's timer does until nothing is being computed."""
     deadline = time.monotonic() + seconds
-    while page.watch.following:
+    watches = [page.watch, *page.cut_watches]
+    while any(watch.following for watch in watches):
         assert time.monotonic() < deadline, "still computing"
-        page.watch.look()
+        for watch in watches:
+            watch.look()
         time.sleep(0.02)

@@ -195,6 +195,11 @@ def usual_design(services: Services, model: StreamModel, oracle: Oracle | None) 
     return oracle.estimator.design if oracle else default_design(services.geometry(model))
 
 
+def halvable(design: Design) -> bool:
+    """Whether half of the bins are enough for the polynomial that is divided out, and some more."""
+    return design.n_bin // 2 > design.order + 2
+
+
 def part_of(n_bin: int, window: str) -> slice:
     """Bins of a window."""
     half = n_bin // 2
@@ -286,7 +291,7 @@ def moved(
     data_at: Callable[[Oracle, float, str], Data | None] | None = None,
     cut: Mapping[str, Oracle] | None = None,
 ) -> list[tuple[str, Posterior]]:
-    """The answer under other assumptions: at each age, with other surveys' errors, from a part of the stretch.
+    """The answer under other assumptions: other ages, a part of the stretch, other surveys' errors.
 
     Parameters
     ----------

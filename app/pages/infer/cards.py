@@ -37,8 +37,8 @@ BAND_LEGEND = (
 )
 ROWS_WORDS = (
     "Median, 68 % and 95 % interval of the abundance. An age can be fixed, and errors made smaller, where an "
-    "estimator that was told them is shipped; the usual age and errors have a sharper one of their own. Errors "
-    "with LSST are rough: they count the stream’s stars down to a depth, and no background."
+    "estimator that was told them is shipped; the usual age and errors have a sharper one of their own. "
+    "Errors with LSST are rough: they count the stream’s stars down to a depth, and no background."
 )
 
 

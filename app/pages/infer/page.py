@@ -49,8 +49,8 @@ class InferPage(Page):
         self.reading = Reading()
         self.model = self._model()
         self.watch = Watch(self._show_task)
-        self.cut_watch = Watch(self._show_cut)
-        self.cutting = TaskControls("Halve the stretch", self.cut, self.cut_watch.cancel, "infer-cut")
+        self.cut_watches = [Watch(self._show_cut) for _ in HALVES]
+        self.cutting = TaskControls("Halve the stretch", self.cut, self._keep_whole, "infer-cut")
         self.cards = Cards(self._asked, self.cutting.view)
         self.later_file = Later(self.services, self._show_reading, self._refuse)
         self.later_rows = Later(self.services, self.cards.show_rows, self.cards.fail_rows)
@@ -68,7 +68,7 @@ class InferPage(Page):
             cancel=self.watch.cancel,
             keep=self.put_aside,
         )
-        self.controls.arrange(self.base)
+        self.controls.arrange(self.base, answers.usual_design(self.services, self.model, self.base))
         self._renew()
         cards = self.cards
         rest = [cards.band_card, cards.moves_card, self.joined.card, cards.rank_card]
@@ -84,7 +84,7 @@ class InferPage(Page):
         elif changed == {"infer_kept"}:
             self._show_joined()
         else:
-            self.controls.arrange(self.base)
+            self.controls.arrange(self.base, answers.usual_design(self.services, self.model, self.base))
             if changed & FILE:
                 self._renew()
             else:
@@ -94,7 +94,8 @@ class InferPage(Page):
         for later in (self.later_file, self.later_rows, self.later_ranks):
             later.cancel()
         self.watch.leave()
-        self.cut_watch.leave()
+        for watch in self.cut_watches:
+            watch.leave()
         super().close()
 
     @property
@@ -319,27 +320,31 @@ class InferPage(Page):
         return {window: oracle for window, oracle in found.items() if oracle is not None}
 
     def cut(self) -> None:
-        """Have estimators trained for both halves of the stretch, one after the other."""
-        missing = [window for window in HALVES if window not in self._halves()]
-        if missing:
-            design = self._part(missing[0])
+        """Have estimators trained for both halves of the stretch."""
+        for watch, window in zip(self.cut_watches, HALVES, strict=True):
+            design = self._part(window)
             question = answers.training(self.services, self.model, self.session.infer_prior, design)
-            self.cut_watch.follow(self.services.laboratory.ask(*question))
+            watch.follow(self.services.laboratory.ask(*question))
+
+    def _keep_whole(self) -> None:
+        for watch in self.cut_watches:
+            watch.cancel()
 
     def _show_cut(self, task: Task) -> None:
-        self.cutting.show(task, "Both halves are shown.")
-        if task.state == "done":
-            self.cut()
-            if self.found is not None:
-                self._offer_halves(self.found.oracle)
-                self._ask(self.found)
+        """Show the one that is being trained; what is done is answered with."""
+        running = [w.following for w in self.cut_watches if w.following and w.following.active]
+        self.cutting.show(running[0] if running else task, "Both halves are shown.")
+        if task.state == "done" and self.found is not None:
+            self._offer_halves(self.found.oracle)
+            self._ask(self.found)
 
     def _offer_halves(self, oracle: Oracle | None) -> None:
         """The button for both halves, where a stream that can be seen anew is answered from the whole."""
         whole = oracle is not None and oracle.shipped and self.session.infer_data != "upload"
+        whole = whole and answers.halvable(answers.usual_design(self.services, self.model, self.base))
         there = len(self._halves()) if whole else 0
         self.cutting.view.visible = whole and there < len(HALVES)
-        if not self.cut_watch.following:
+        if not any(watch.following for watch in self.cut_watches):
             self.cutting.text.text = (
                 "What would half of the stretch say? An estimator is trained for either: "
                 + answers.cost(self.model, self.session.infer_prior)
