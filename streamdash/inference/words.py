@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from streamdash.inference.cells import AGE
 from streamdash.inference.posterior import UNINFORMED, Posterior
-from streamdash.naming import label_text
+from streamdash.naming import SUPERSCRIPT, label_text
 from streamdash.population import mass_label
 from streamdash.populations import wdm_mass
 from streamdash.prior import Prior
@@ -93,5 +93,9 @@ def _end(posterior: Posterior, name: str, which: int) -> str:
 
 
 def _value(name: str, value: float, unit: bool = True) -> str:
-    shown = 10**value if name.startswith("log10_") else value
-    return f"{shown:.2g}{UNITS[name] if unit else ''}"
+    if name == "log10_half_mode_mass":
+        digits, power = f"{10**value:.1e}".split("e")
+        shown = f"{digits} × 10{str(int(power)).translate(SUPERSCRIPT)}"
+    else:
+        shown = f"{10**value if name.startswith('log10_') else value:.2g}"
+    return f"{shown}{UNITS[name] if unit else ''}"

@@ -12,7 +12,7 @@ from scipy.ndimage import zoom
 
 from streamdash.inference.cells import AGE
 from streamdash.inference.posterior import Posterior
-from streamdash.naming import label_text
+from streamdash.naming import SUPERSCRIPT, label_text
 from streamdash.plots.elements import GREY, framed, level_lines, line, nice_top, points, step_area, steps
 from streamdash.plots.live import Backend, Columns, area_columns, use
 from streamdash.population import mass_label
@@ -27,7 +27,6 @@ FINER = 6
 """Sides of a cell are drawn in so many steps, so that regions have no stairs."""
 KEV = (1, 2, 3, 5, 10, 20)
 """Ticks of the axis of the warm particle's mass."""
-SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 BEYOND = {"log10_rate": "none", "log10_half_mode_mass": "CDM", "log10_excess": "CDM"}
 """What lies beyond the left end of a logarithm: no subhalos; a half-mode mass or an excess of 0."""
 FAR = 1e4
@@ -58,7 +57,7 @@ def ticks(name: str, edges: np.ndarray, prior: Prior) -> list[tuple[float, str]]
         return [(float(x), f"{x:.3g}") for x in np.linspace(low, high, 5)]
     decades = np.arange(np.ceil(low), np.floor(high) + 0.5)
     if name == "log10_half_mode_mass":
-        found = [(float(x), "10" + f"{x:.0f}".translate(SUPERSCRIPTS)) for x in decades]
+        found = [(float(x), "10" + f"{x:.0f}".translate(SUPERSCRIPT)) for x in decades]
     else:
         marks = np.union1d(decades, decades + np.log10(3)) if high - low <= 2.5 else decades
         found = [(float(x), f"{float(f'{10**x:.1g}'):g}") for x in marks if low <= x <= high]
@@ -214,7 +213,7 @@ def ticked(
     """Ticks in the parameter's own unit; above a half-mode mass, the particle's mass."""
     choices: dict[str, Any] = {"xticks": ticks(name, edges, prior)}
     if y is not None and y_edges is not None:
-        choices["yticks"] = ticks(y, y_edges, prior)
+        choices["yticks"] = [(at, text.replace("←", "↓")) for at, text in ticks(y, y_edges, prior)]
     if name == "log10_half_mode_mass":
         choices["hooks"] = [_wdm_axis]
     return overlay.opts(hv.opts.Overlay(**choices, backend=backend))

@@ -50,6 +50,19 @@ def test_told_estimators_are_calibrated_at_any_error(told, factor):
     assert fixed.information > found.information, "to know the age is worth something"
 
 
+def test_the_sharper_estimator_says_more_of_the_usual_age_and_errors(told):
+    """On the same streams, which neither has learnt from."""
+    sharp, streams = load_estimator("gd1-like"), load_streams("gd1-like")
+    estimator = told[0]
+    assert estimator.design.key == sharp.design.key
+    assert estimator.prior.ages_gyr == (3.0, 5.0, 7.0, 9.0)
+    q, true = streams.observed(sharp), streams.truth.log10_rate.to_numpy()
+    rate = np.asarray(sharp.grid["log10_rate"])
+    at_nine = [Posterior(estimator.grid, one).at(AGE, 9.0).p for one in estimator.posterior(q)]
+    one, other = score(sharp.posterior(q), rate, true), score(np.array(at_nine), rate, true)
+    assert one.information > 1.3 and one.information > other.information > 1.1
+
+
 def test_larger_errors_say_less(told):
     estimator, streams = told
     nine = (streams.truth[AGE] == 9).to_numpy()
@@ -68,7 +81,7 @@ def test_what_it_was_not_told_is_refused(told):
     with pytest.raises(ValueError, match="between 1 and 1"):
         load_estimator("gd1-like").posterior(q, 0.5)
     with pytest.raises(EstimatorFileError):
-        load_streams("gd1-like", "population")
+        load_streams("gd1", "population")
 
 
 def test_held_out_streams_come_back_from_disk(told, tmp_path):

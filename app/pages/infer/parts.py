@@ -96,8 +96,8 @@ def corner_sentence(found: Answer) -> str:
     bits = found.posterior.information
     return (
         f"Posterior of {found.data.name}: {bits:.2f} bits more than the prior knew. Dark: the most probable "
-        "68 %, light: 95 % (or the whole density); dashed: the prior. Left ends are a tenth of cold dark "
-        "matter or less: no subhalos lie beyond them."
+        "68 %, light: 95 % (or the whole density); dashed: the prior. An arrow says what lies beyond an end "
+        "of the prior: no subhalos at all (“none”), or cold dark matter itself (“CDM”)."
     )
 
 
