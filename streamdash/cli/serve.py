@@ -46,19 +46,20 @@ def serve_command(
         warnings_of,
     )
     from streamdash.observe.table import UploadLimit
-    from streamdash.simulation.limits import Limits
+    from streamdash.simulation.limits import Limits, open_scheduler
 
     make_cache(cache)
     if not (paths.APP / "main.py").is_file():
         raise InputError(f"The dashboard is not where it should be ({paths.APP}); install streamdash anew.")
     given: dict[str, Any] = {"address": address, "port": port, "origins": allow_origin or None}
     chosen = Deployment(**{name: value for name, value in given.items() if value is not None})
-    allowed = [Limits(), UploadLimit()]
+    limits = Limits()
+    allowed = [limits, UploadLimit()]
     if settings:
         for name, value, meaning in chain.from_iterable(map(settings_table, [chosen, *allowed])):
             print(f"{name:<32} {value:<20} {meaning}")
     check(chosen, os.environ)
-    for sentence in warnings_of(chosen, os.environ):
+    for sentence in filter(None, [*warnings_of(chosen, os.environ), open_scheduler(limits.scheduler)]):
         print(sentence, file=sys.stderr)
     if settings:
         return

@@ -334,11 +334,14 @@ def _say_interrupted(config: EnsembleConfig, cache: Cache) -> None:
 
 @contextlib.contextmanager
 def _dask_client(executor: str, scheduler: str | None):
+    from streamdash.simulation.limits import open_scheduler
     from streamdash.simulation.workers import cluster
 
     if executor != "dask":
         yield
         return
+    if warning := open_scheduler(scheduler or ""):
+        messages.print(warning, markup=False)
     with cluster(scheduler):
         yield
 

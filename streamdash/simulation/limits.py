@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ipaddress
 from typing import Annotated
+from urllib.parse import urlsplit
 
 from pydantic import Field
 
@@ -35,6 +37,40 @@ class Limits(Settings):
 
 class Refused(ValueError):
     """A job that is not begun; the message is one sentence that says what to change."""
+
+
+def open_scheduler(address: str) -> str:
+    """What to know before a Dask scheduler is used; empty when nothing.
+
+    Dask sends pickles, and whoever can send one to a scheduler, a worker or a client has their code run
+    there. Addresses of this machine alone, and connections by TLS, are no matter of the network.
+
+    Parameters
+    ----------
+    address : str
+        tcp://HOST:PORT, tls://HOST:PORT, …; empty for none.
+
+    Returns
+    -------
+    sentence : str
+    """
+    parts = urlsplit(address if "://" in address else f"tcp://{address}")
+    if not address or parts.scheme in ("tls", "wss", "inproc") or _is_here(parts.hostname or ""):
+        return ""
+    return (
+        f"The Dask scheduler {address} is asked over the network without encryption or a check of who "
+        "answers: everyone who reaches it can run programs on its workers and on this machine. Use tls:// "
+        "(see docs/deployment.md), or a network that nobody else is in."
+    )
+
+
+def _is_here(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def check_size(config: EnsembleConfig, limits: Limits) -> None:

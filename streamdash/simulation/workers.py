@@ -227,8 +227,10 @@ def cluster(scheduler: str | None) -> Any:
     except ImportError:
         raise WorkerError("Dask is not installed: pip install 'streamdash[dask]'.") from None
     try:
-        return Client(scheduler, timeout="10s") if scheduler else Client(threads_per_worker=1)
-    except (OSError, ValueError) as error:
+        if scheduler:
+            return Client(scheduler, timeout="10s")
+        return Client(threads_per_worker=1, dashboard_address=None)
+    except (OSError, ValueError, TypeError) as error:  # TypeError: tls:// without certificates
         raise WorkerError(f"The Dask scheduler {scheduler} cannot be reached ({error}).") from None
 
 

@@ -35,7 +35,7 @@ from streamdash.cli.deploy import (
 from streamdash.config import ConfigError
 from streamdash.observe.table import UploadLimit
 from streamdash.settings import PREFIX
-from streamdash.simulation.limits import Limits
+from streamdash.simulation.limits import Limits, open_scheduler
 from tests.waiting import PATIENCE_S
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "deployment.md"
@@ -169,6 +169,29 @@ def test_a_server_that_everyone_can_use_says_so(variables, environment, warned):
     said = warnings_of(settings(**variables), environment)
     assert bool(said) == warned
     assert all("Everyone" in s and variables.get("port", "5006") in s for s in said)
+
+
+def test_a_scheduler_on_the_network_is_warned_of_unless_it_is_asked_by_tls():
+    quiet = (
+        "",
+        "tcp://127.0.0.1:8786",
+        "tcp://[::1]:8786",
+        "localhost:8786",
+        "tls://cluster.example.org:8786",
+        "inproc://10.0.0.7/1/2",
+    )
+    assert [address for address in quiet if open_scheduler(address)] == []
+    loud = (
+        "tcp://10.0.0.7:8786",
+        "cluster.example.org:8786",
+        "tcp://[fd00::7]:8786",
+        "ucx://10.0.0.7:1",
+        "ws://10.0.0.7:1",
+        "tcp://0.0.0.0:8786",
+        "tcp://localhost.example.org:1",
+        "tcp://127.0.0.1@10.0.0.7:8786",
+    )
+    assert [address for address in loud if address not in open_scheduler(address)] == []
 
 
 def test_sessions_are_signed_always():
