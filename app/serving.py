@@ -13,7 +13,7 @@ from panel.io.resources import LOCAL_DIST
 from panel.viewable import Viewable
 
 from app.borrowed import forget_view
-from app.guard import repair_curdoc, say_fault
+from app.guard import keep_closed_sockets_short, repair_curdoc, say_fault
 from app.pages.registry import PAGES
 from app.services.services import Services
 from app.session.session import Session
@@ -28,6 +28,7 @@ MARK_S = 120
 def open_session(services: Services) -> Viewable:
     """Build the app for the browser session that is being served now."""
     repair_curdoc()
+    keep_closed_sockets_short()
     send_small_messages_at_once()
     pn.extension(
         exception_handler=say_fault,
