@@ -62,8 +62,21 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         subprocess.run([sys.executable, "-c", WARM], cwd=ROOT, check=True)
 
 
+BROWSER_FILES = ("test_accessibility", "test_pdf_evidence", "test_observe", "test_profiles", "test_guard")
+"""Those that take longest, in the order in which they are begun."""
+
+
+def _turn(item: pytest.Item) -> int:
+    """Place of a test's file: the browser's last, and of them the longest first, so that no core idles."""
+    if item.path.parent.name != "browser":
+        return 0
+    name = item.path.stem
+    return 1 + (BROWSER_FILES.index(name) if name in BROWSER_FILES else len(BROWSER_FILES))
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what is marked slow, unless it is asked for: by ``--slow``, ``-m`` or its own name."""
+    items.sort(key=_turn)
     named = any("::" in argument for argument in config.args)
     if config.getoption("--slow") or config.option.markexpr or named:
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -46,9 +47,9 @@ class Watched:
             self.complaints.append(message.text)
 
 
-@pytest.fixture
-def tab(chrome, address) -> Iterator[Callable[..., Watched]]:
-    """Open the app in a new tab of a window of its own, at a link and a size."""
+@contextlib.contextmanager
+def tabs(chrome: Browser, address: str) -> Iterator[Callable[..., Watched]]:
+    """Open the app in new tabs, each in a window of its own, at a link and a size."""
     contexts = []
 
     def open_tab(query: str = "", width: int = 1440, height: int = 900) -> Watched:
@@ -61,3 +62,17 @@ def tab(chrome, address) -> Iterator[Callable[..., Watched]]:
     yield open_tab
     for context in contexts:
         context.close()
+
+
+@pytest.fixture
+def tab(chrome, address) -> Iterator[Callable[..., Watched]]:
+    """Open the app in a tab of the test's own."""
+    with tabs(chrome, address) as open_tab:
+        yield open_tab
+
+
+@pytest.fixture(scope="module")
+def shared_tab(chrome, address) -> Iterator[Callable[..., Watched]]:
+    """The same for tabs that several tests of a module look at, which therefore leave them as they were."""
+    with tabs(chrome, address) as open_tab:
+        yield open_tab

@@ -117,3 +117,12 @@ def open_app(page: Page, address: str, query: str = "") -> Page:
     page.wait_for_function(READY)
     page.evaluate(MODELS)
     return page
+
+
+def darken(page: Page) -> None:
+    """Press the button of the theme, and wait until page and figures are dark."""
+    page.get_by_role("button", name="Toggle theme").click()
+    page.wait_for_function("() => new URLSearchParams(location.search).get('theme') === 'dark'")
+    colour = "getComputedStyle(document.body).backgroundColor"
+    page.wait_for_function(f"() => {colour}.match(/[0-9]+/g).slice(0, 3).every(c => c < 60)")
+    page.wait_for_function("() => Bokeh.documents[0].is_idle")

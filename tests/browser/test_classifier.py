@@ -8,6 +8,8 @@ import pandas as pd
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests.browser.driving import darken
+
 pytestmark = pytest.mark.browser
 TWO = "?page=classifier&mass=1e3-1e5,1e5-1e9&preset=paper&n_pca=8&features=pca"
 # Where the cell of the second row and column is on the screen.
@@ -17,6 +19,11 @@ CELL = """
   const view = sd.view(figure), box = view.el.getBoundingClientRect(), frame = view.frame
   return [box.x + frame.x_scale.compute(1), box.y + frame.y_scale.compute(-1)]
 }
+"""
+# How many cards and controls stick out to the right.
+WIDE = """
+() => [...document.querySelectorAll(".sd-card, .sd-controls")]
+  .filter(e => e.getBoundingClientRect().right > window.innerWidth + 1).length
 """
 
 
@@ -31,20 +38,39 @@ def sentence(page: Page, card: str):
     return page.locator(f".sd-card-{card} .sd-sentence .sd-live")
 
 
-def test_the_page_trains_and_says_how_good_it_is(tab):
-    watched = tab(TWO)
-    page = trained(watched.page)
+@pytest.fixture(scope="module")
+def shown(shared_tab):
+    """A tab with the trained classifier of the paper's classes."""
+    watched = shared_tab(TWO)
+    trained(watched.page)
+    return watched
+
+
+def test_the_page_trains_and_says_how_good_it_is(shown):
+    page = shown.page
     expect(sentence(page, "confusion")).to_contain_text("streams that were never trained on")
     expect(page.locator(".sd-scores table")).to_contain_text("paper 0.99")
     expect(sentence(page, "calibration")).to_contain_text("Expected calibration error")
-    assert not watched.complaints
+    assert not shown.complaints
     assert all(
-        url.startswith(("http://localhost", "ws://localhost", "data:", "blob:")) for url in watched.requests
+        url.startswith(("http://localhost", "ws://localhost", "data:", "blob:")) for url in shown.requests
     )
 
 
-def test_a_click_on_a_cell_shows_its_streams_and_the_menu_does_the_same(tab):
-    page = trained(tab(TWO + "&cell=1").page)
+def test_the_scores_are_seen_whole_on_a_wide_screen(shown):
+    """With their intervals and the paper's: nothing to scroll for."""
+    table = shown.page.locator(".sd-scores table")
+    expect(table).to_contain_text("AUC")
+    hidden = table.evaluate("table => table.parentElement.scrollWidth - table.parentElement.clientWidth")
+    assert hidden <= 1
+
+
+def test_a_click_on_a_cell_shows_its_streams_and_the_menu_does_the_same(shown):
+    page = shown.page
+    menu = page.locator(".sd-cell select")
+    menu.focus()
+    page.keyboard.press("Home")
+    page.keyboard.press("ArrowDown")
     expect(sentence(page, "cell")).to_contain_text("of 10³–10⁵ M☉ are put right")
     for _ in range(100):  # a figure that is still being laid out does not see a click
         page.mouse.click(*page.evaluate(CELL))
@@ -53,14 +79,20 @@ def test_a_click_on_a_cell_shows_its_streams_and_the_menu_does_the_same(tab):
             break
     expect(sentence(page, "cell")).to_contain_text("of 10⁵–10⁹ M☉ are put right")
     page.wait_for_function("() => new URLSearchParams(location.search).get('cell') === '4'")
-    menu = page.locator(".sd-cell select")
-    menu.focus()
-    page.keyboard.press("Home")
-    page.keyboard.press("ArrowDown")
-    expect(sentence(page, "cell")).to_contain_text("of 10³–10⁵ M☉ are put right")
 
 
-def test_training_at_another_noise_by_keyboard(tab):
+def test_nothing_sticks_out_on_a_phone(shown):
+    page = shown.page
+    page.set_viewport_size({"width": 390, "height": 844})
+    for theme in ("default", "dark"):
+        if theme == "dark":
+            darken(page)
+        page.wait_for_function("() => document.documentElement.scrollWidth <= 390")
+        page.wait_for_function(f"() => ({WIDE})() === 0")
+
+
+def test_training_at_another_noise_and_a_study_by_keyboard(tab):
+    """One after the other, in one tab: what is trained is studied."""
     page = trained(tab(TWO).page)
     page.locator(".sd-noise .MuiSlider-thumb input").first.focus()
     for _ in range(3):
@@ -70,12 +102,9 @@ def test_training_at_another_noise_by_keyboard(tab):
     page.locator(".sd-train-start button").focus()
     page.keyboard.press("Enter")
     expect(status).to_contain_text("σ_ε = 0.13")
-
-
-def test_a_study_shows_progress_can_be_cancelled_and_then_finishes(tab):
-    page = trained(tab(TWO).page)
     status = page.locator(".sd-importance-status .sd-live")
     start, cancel = (page.locator(f".sd-importance-{name} button") for name in ("start", "cancel"))
+    expect(page.locator(".sd-card-importance .sd-download-csv button")).to_be_disabled()  # nothing yet
     start.click()
     expect(cancel).to_be_visible()
     cancel.click()
@@ -89,23 +118,3 @@ def test_a_study_shows_progress_can_be_cancelled_and_then_finishes(tab):
         ).first.click()
     table = pd.read_csv(io.BytesIO(download.value.path().read_bytes()))
     assert len(table) > 10 and table["log_loss_rise"].max() > 0
-
-
-@pytest.mark.parametrize("theme", ["default", "dark"])
-def test_nothing_sticks_out_on_a_phone(tab, theme):
-    page = trained(tab(f"{TWO}&theme={theme}", width=390, height=844).page)
-    wide = page.evaluate(
-        """() => [...document.querySelectorAll(".sd-card, .sd-controls")]
-             .filter(e => e.getBoundingClientRect().right > window.innerWidth + 1).length"""
-    )
-    assert wide == 0
-    assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
-
-
-def test_the_scores_are_seen_whole_on_a_wide_screen(tab):
-    """With their intervals and the paper's: nothing to scroll for."""
-    page = trained(tab(TWO).page)
-    table = page.locator(".sd-scores table")
-    expect(table).to_contain_text("AUC")
-    hidden = table.evaluate("table => table.parentElement.scrollWidth - table.parentElement.clientWidth")
-    assert hidden <= 1

@@ -26,6 +26,7 @@ def status(page: Page):
     return page.locator(".sd-observe-status .sd-live")
 
 
+@pytest.mark.slow
 def test_the_example_is_classified_and_its_truth_revealed(tab):
     watched = tab("?page=observe")
     page = watched.page
@@ -78,6 +79,7 @@ SLOW = """
 """A browser whose disk answers only when it is told to."""
 
 
+@pytest.mark.slow
 def test_the_answer_is_of_the_file_that_is_shown(tab):
     """A second file is chosen, and the button pressed while the browser still reads it."""
     page = tab("?page=observe").page

@@ -9,6 +9,8 @@ import pandas as pd
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests.browser.driving import darken
+
 pytestmark = pytest.mark.browser
 TWO = "mass=1e3-1e5,1e5-1e9"
 PDF, EVIDENCE = f"?page=pdf&{TWO}", f"?page=evidence&{TWO}"
@@ -70,6 +72,18 @@ def same(first: list[np.ndarray], second: list[np.ndarray]) -> bool:
     )
 
 
+@pytest.fixture(scope="module")
+def pdf_tab(shared_tab):
+    """A tab with the PDF page of the paper's two classes, in which bins are chosen."""
+    return shared_tab(PDF)
+
+
+@pytest.fixture(scope="module")
+def evidence_tab(shared_tab):
+    """A tab with their Evidence page, which is only read."""
+    return shared_tab(EVIDENCE)
+
+
 def test_moving_the_sliders_changes_both_figures_of_the_pdf_page(tab):
     watched = tab(PDF)
     page = watched.page
@@ -83,8 +97,8 @@ def test_moving_the_sliders_changes_both_figures_of_the_pdf_page(tab):
     assert watched.complaints == []
 
 
-def test_a_click_on_a_bin_shows_its_distribution_for_every_class(tab):
-    watched = tab(PDF)
+def test_a_click_on_a_bin_shows_its_distribution_for_every_class(pdf_tab):
+    watched = pdf_tab
     page = watched.page
     before = lines(page, "Π(y_α|M)")
     left, right = next((x0, x1) for x0, x1, _ in columns(page, "PDF(Qρ)", "x0", "x1", "number"))
@@ -99,8 +113,8 @@ def test_a_click_on_a_bin_shows_its_distribution_for_every_class(tab):
     assert watched.complaints == []
 
 
-def test_pointing_at_a_bin_shows_its_numbers(tab):
-    page = tab(PDF).page
+def test_pointing_at_a_bin_shows_its_numbers(pdf_tab):
+    page = pdf_tab.page
     left, right = next((x0, x1) for x0, x1, _ in columns(page, "PDF(Qρ)", "x0", "x1", "number"))
     tooltip = page.locator(".bk-Tooltip")
     x, y = page.evaluate(PLACE, ["PDF(Qρ)", float(left[10] + right[10]) / 2, 0.5])
@@ -115,11 +129,13 @@ def test_pointing_at_a_bin_shows_its_numbers(tab):
     expect(tooltip).to_contain_text("68 %")
 
 
-def test_the_keyboard_chooses_a_bin_too(tab):
-    page = tab(f"{PDF}&alpha=7").page
+def test_the_keyboard_chooses_a_bin_too(pdf_tab):
+    page = pdf_tab.page
+    press(page, "alpha", "Home")
+    expect(sentence(page, "pdf-bin")).to_contain_text("Bin α = 1,")
     press(page, "alpha", "ArrowRight")
-    wait_for_query(page, "alpha", "8")
-    expect(sentence(page, "pdf-bin")).to_contain_text("Bin α = 8")
+    wait_for_query(page, "alpha", "2")
+    expect(sentence(page, "pdf-bin")).to_contain_text("Bin α = 2,")
 
 
 def test_links_reproduce_both_pages(tab):
@@ -151,8 +167,8 @@ def test_moving_the_sliders_changes_ln_b_and_then_the_table(tab):
     assert watched.complaints == []
 
 
-def test_the_table_stands_beside_the_papers_with_jeffreys_words(tab):
-    page = tab(EVIDENCE).page
+def test_the_table_stands_beside_the_papers_with_jeffreys_words(evidence_tab):
+    page = evidence_tab.page
     table = page.locator(".sd-table-1 table.ready")
     expect(table).to_contain_text("Paper, table 1")
     cells = [text.split("\n")[0].strip() for text in table.locator("td").all_inner_texts()]
@@ -163,7 +179,7 @@ def test_the_table_stands_beside_the_papers_with_jeffreys_words(tab):
     expect(table).to_contain_text("correlations included")
 
 
-@pytest.mark.parametrize("noise", ["0.123", "0.124"])
+@pytest.mark.parametrize("noise", ["0.123", pytest.param("0.124", marks=pytest.mark.slow)])
 def test_slow_results_reach_a_page_that_was_just_opened(tab, noise):
     """Nobody asked for this noise before: the results come while or after the browser builds the page."""
     page = tab(f"{EVIDENCE}&noise={noise}").page
@@ -183,14 +199,14 @@ def test_choosing_the_fiducial_redraws(tab):
     assert watched.complaints == []
 
 
-def test_the_text_on_differences_can_be_read(tab):
-    page = tab(EVIDENCE).page
+def test_the_text_on_differences_can_be_read(evidence_tab):
+    page = evidence_tab.page
     page.get_by_text("Where and why our numbers differ from the paper’s").click()
     expect(page.locator(".sd-differences")).to_contain_text("What the paper leaves open")
 
 
-def test_numbers_of_every_card_are_downloaded(tab, tmp_path):
-    page = tab(EVIDENCE).page
+def test_numbers_of_every_card_are_downloaded(evidence_tab, tmp_path):
+    page = evidence_tab.page
     expect(page.locator(".sd-table-1 table.ready")).to_contain_text("Paper, table 1")
     expect(sentence(page, "growth")).to_contain_text("streams")
     for card, column in (("evidence", "ln_bayes"), ("cumulative", "paper"), ("growth", "sum_ln_bayes")):
@@ -205,37 +221,8 @@ def test_numbers_of_every_card_are_downloaded(tab, tmp_path):
     assert "<svg" in (tmp_path / "cumulative.svg").read_text(encoding="utf-8")[:2000]
 
 
-@pytest.mark.parametrize("theme", ["default", "dark"])
-@pytest.mark.parametrize("query", [f"?page=pdf&{THREE}", f"?page=evidence&{THREE}"])
-def test_a_phone_shows_everything_without_sideways_scrolling(tab, query, theme):
-    page = tab(f"{query}&theme={theme}", width=390, height=844).page
-    if "evidence" in query:
-        expect(page.locator(".sd-table-1 table.ready")).to_be_attached()
-    wide = page.evaluate(
-        """() => {
-          const wide = []
-          const look = (node, inside) => {
-            for (const child of node.children ?? []) {
-              const box = child.getBoundingClientRect()
-              const style = getComputedStyle(child)
-              const scrolls = inside || ["auto", "scroll"].includes(style.overflowX)
-              if (!scrolls && box.width > 0 && box.right > 391 && style.position !== "fixed") {
-                wide.push(`${child.tagName}.${child.className} ${Math.round(box.right)}`)
-              }
-              look(child, scrolls)
-              if (child.shadowRoot) { look(child.shadowRoot, scrolls) }
-            }
-          }
-          look(document.querySelector(".sd-card") ?? document.body, false)
-          return [...new Set(wide)]
-        }"""
-    )
-    assert wide == []
-    assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
-
-
-def test_excluded_bins_are_grey_in_the_figure(tab):
-    page = tab(EVIDENCE).page
+def test_excluded_bins_are_grey_in_the_figure(evidence_tab):
+    page = evidence_tab.page
     spans = [pair for pair in columns(page, "ln B for M0", "x0", "x1") if len(pair[0]) < 10]
     assert spans
     grey = sum((x1 - x0).sum() for x0, x1 in spans)
@@ -243,3 +230,35 @@ def test_excluded_bins_are_grey_in_the_figure(tab):
     width = next(x1[0] - x0[0] for x0, x1, _ in columns(page, "ln B for M0", "x0", "x1", "number"))
     assert match is not None
     assert grey == pytest.approx(int(match[1]) * width)
+
+
+WIDE = """() => {
+  const wide = []
+  const look = (node, inside) => {
+    for (const child of node.children ?? []) {
+      const box = child.getBoundingClientRect()
+      const style = getComputedStyle(child)
+      const scrolls = inside || ["auto", "scroll"].includes(style.overflowX)
+      if (!scrolls && box.width > 0 && box.right > 391 && style.position !== "fixed") {
+        wide.push(`${child.tagName}.${child.className} ${Math.round(box.right)}`)
+      }
+      look(child, scrolls)
+      if (child.shadowRoot) { look(child.shadowRoot, scrolls) }
+    }
+  }
+  look(document.querySelector(".sd-card") ?? document.body, false)
+  return [...new Set(wide)]
+}"""
+"""Boxes that reach beyond a phone's edge and do not scroll within another."""
+
+
+@pytest.mark.parametrize("query", [f"?page=pdf&{THREE}", f"?page=evidence&{THREE}"])
+def test_a_phone_shows_everything_without_sideways_scrolling(tab, query):
+    page = tab(query, width=390, height=844).page
+    for theme in ("default", "dark"):
+        if theme == "dark":
+            darken(page)
+        if "evidence" in query:
+            expect(page.locator(".sd-table-1 table.ready")).to_be_attached()
+        page.wait_for_function(f"() => ({WIDE})().length === 0")
+        page.wait_for_function("() => document.documentElement.scrollWidth <= 390")

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.driving import READY
+from tests.browser.driving import READY, darken
 
 pytestmark = pytest.mark.browser
 TWO = "?page=profiles&mass=1e3-1e5,1e5-1e9"
@@ -62,8 +62,14 @@ def background(page: Page) -> list[int]:
     return [int(channel) for channel in re.findall(r"\d+", colour)[:3]]
 
 
-def test_every_panel_is_painted(tab):
-    page = tab(TWO).page
+@pytest.fixture(scope="module")
+def shown(shared_tab):
+    """A tab with the paper's two classes, which is looked at and at most made smaller or dark."""
+    return shared_tab(TWO).page
+
+
+def test_every_panel_is_painted(shown):
+    page = shown
     assert len(painted(page)) == 2
     for share, _ in painted(page):
         assert share > 0.1
@@ -113,54 +119,14 @@ def test_reload_and_back_keep_what_was_chosen(tab):
     expect(page.locator(".sd-live").first).to_contain_text("density ρ")
 
 
-def test_light_and_dark(tab):
-    page = tab(TWO).page
-    assert min(background(page)) > 230
-    page.get_by_role("button", name="Toggle theme").click()
-    page.wait_for_function("() => location.search.includes('theme=dark')")
-    for dark in (page, tab(TWO + "&theme=dark").page):
-        dark.wait_for_function(f"() => ({COLOUR})().match(/[0-9]+/g).slice(0, 3).every(c => c < 60)")
-        dark.wait_for_function(
-            """() => sd.figures()[0].renderers.some(r => r.glyph.line_color?.value === "#e6e8eb")"""
-        )
-
-
-@pytest.mark.parametrize("theme", ["default", "dark"])
-def test_a_phone_shows_everything_without_sideways_scrolling(tab, theme):
-    page = tab(f"{TWO}&theme={theme}", width=390, height=844).page
-    for element in ("document.documentElement", "document.body"):
-        assert page.evaluate(f"() => {element}.scrollWidth") <= 390
-    # The page scrolls inside Page's own element: look at every box.
-    wide = page.evaluate(
-        """() => {
-          const wide = []
-          const look = (node) => {
-            for (const child of node.children ?? []) {
-              const box = child.getBoundingClientRect()
-              const style = getComputedStyle(child)
-              if (box.width > 0 && box.right > 391 && style.position !== "fixed") {
-                wide.push(`${child.tagName}.${child.className} ${Math.round(box.right)}`)
-              }
-              if (["auto", "scroll"].includes(style.overflowX)) { continue }  // scrolls within itself
-              look(child)
-              if (child.shadowRoot) { look(child.shadowRoot) }
-            }
-          }
-          look(document.querySelector(".sd-card") ?? document.body)
-          document.querySelectorAll("*").forEach(e => e.shadowRoot && look(e.shadowRoot))
-          return [...new Set(wide)]
-        }"""
-    )
-    # Bokeh's glyphs have empty boxes beside their canvas.
-    assert [w for w in wide if "bk-GlyphRenderer" not in w] == []
-
-
-def test_everything_comes_from_the_server_and_nothing_complains(tab, address):
+def test_the_code_follows_and_everything_comes_from_the_server_and_nothing_complains(tab, address):
     watched = tab(TWO)
+    watched.page.get_by_text("Show the code").click()
+    code = watched.page.locator(".sd-code pre")
+    expect(code).to_contain_text("noise=0.1,")
     noise_thumb(watched.page).focus()
     watched.page.keyboard.press("ArrowRight")
-    watched.page.get_by_text("Show the code").click()
-    expect(watched.page.locator(".sd-code pre")).to_contain_text("noise=0.11,")
+    expect(code).to_contain_text("noise=0.11,")
     outside = [
         url
         for url in watched.requests
@@ -217,18 +183,8 @@ def test_files_are_downloaded(tab, tmp_path):
     np.testing.assert_allclose(table[table.model == "M0"].quantile_84, band(page), rtol=1e-5)
 
 
-def test_the_code_is_shown_and_follows_the_controls(tab):
-    page = tab(TWO).page
-    page.get_by_text("Show the code").click()
-    code = page.locator(".sd-code pre")
-    expect(code).to_contain_text("noise=0.1,")
-    noise_thumb(page).focus()
-    page.keyboard.press("ArrowRight")
-    expect(code).to_contain_text("noise=0.11,")
-
-
-def test_the_keyboard_reaches_every_control_and_focus_is_visible(tab):
-    page = tab(TWO).page
+def test_the_keyboard_reaches_every_control_and_focus_is_visible(shown):
+    page = shown
     reached = []
     for _ in range(40):
         page.keyboard.press("Tab")
@@ -256,3 +212,46 @@ def test_names_of_all_classes_are_read_whole_on_a_phone(tab):
     for k in range(buttons.count()):
         box = buttons.nth(k).bounding_box()
         assert box is not None and box["x"] >= 0 and box["x"] + box["width"] <= 390
+
+
+def test_light_and_dark_and_a_phone_shows_everything_without_sideways_scrolling(shown, tab):
+    page = shown
+    assert min(background(page)) > 230
+    page.set_viewport_size({"width": 390, "height": 844})
+    fits(page)
+    darken(page)
+    fits(page)
+    for dark in (page, tab(TWO + "&theme=dark", width=390, height=844).page):
+        dark.wait_for_function(f"() => ({COLOUR})().match(/[0-9]+/g).slice(0, 3).every(c => c < 60)")
+        dark.wait_for_function(
+            """() => sd.figures()[0].renderers.some(r => r.glyph.line_color?.value === "#e6e8eb")"""
+        )
+        fits(dark)
+
+
+WIDE = """() => {
+  const wide = []
+  const look = (node) => {
+    for (const child of node.children ?? []) {
+      const box = child.getBoundingClientRect()
+      const style = getComputedStyle(child)
+      if (box.width > 0 && box.right > 391 && style.position !== "fixed") {
+        wide.push(`${child.tagName}.${child.className} ${Math.round(box.right)}`)
+      }
+      if (["auto", "scroll"].includes(style.overflowX)) { continue }  // scrolls within itself
+      look(child)
+      if (child.shadowRoot) { look(child.shadowRoot) }
+    }
+  }
+  look(document.querySelector(".sd-card") ?? document.body)
+  document.querySelectorAll("*").forEach(e => e.shadowRoot && look(e.shadowRoot))
+  return [...new Set(wide)]
+}"""
+"""Boxes that reach beyond a phone's edge; Bokeh's glyphs have empty ones beside their canvas."""
+
+
+def fits(page: Page) -> None:
+    """The page scrolls inside Page's own element: every box is looked at."""
+    for element in ("document.documentElement", "document.body"):
+        page.wait_for_function(f"() => {element}.scrollWidth <= 390")
+    page.wait_for_function(f"() => ({WIDE})().every(w => w.includes('bk-GlyphRenderer'))")

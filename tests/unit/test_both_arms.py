@@ -141,6 +141,7 @@ def test_the_catalog_offers_each_arm_and_both(cache):
 # --- coarse previews --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_coarse_preview_is_near_the_true_stream_and_says_what_it_is(cache):
     """Frequencies and track to a permille; the number of impacts as exact, as it hangs on them."""
     config = EnsembleConfig(perturbers=Perturbers(mass_range="1e7-1e9"))

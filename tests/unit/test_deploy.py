@@ -15,7 +15,8 @@ import time
 import urllib.error
 import urllib.parse
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from email.message import Message
 from itertools import chain
 from pathlib import Path
@@ -228,9 +229,14 @@ def test_uploads_cannot_be_larger_than_what_is_read(text, monkeypatch):
 # --- a real server ----------------------------------------------------------------------------
 
 
+@pytest.fixture(scope="module")
+def running(small_cache) -> Callable[..., AbstractContextManager[str]]:
+    """Start a server of few streams, with these environment variables, on a free port; gives its address."""
+    return lambda **variables: _running(STREAMDASH_CACHE=str(small_cache), **variables)
+
+
 @contextlib.contextmanager
-def running(**variables: str) -> Iterator[str]:
-    """A server with these environment variables on a free port; its address."""
+def _running(**variables: str) -> Iterator[str]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -273,7 +279,7 @@ def visit(address: str, password: str) -> str:
         return urllib.parse.urlsplit(answer.url).path
 
 
-def test_a_password_keeps_others_out():
+def test_a_password_keeps_others_out(running):
     with running(STREAMDASH_PASSWORD=PASSWORD) as address:
         assert visit(address, PASSWORD) == "/main"
         assert visit(address, PASSWORD.lower()) == "/login"
@@ -294,7 +300,7 @@ def answers(address: str, path: str = "/main", data: bytes | None = None) -> tup
     return answer.status, answer.headers
 
 
-def test_guessing_passwords_is_slowed_down_and_cookies_stay_at_home():
+def test_guessing_passwords_is_slowed_down_and_cookies_stay_at_home(running):
     def guess(password: str) -> tuple[int, Message]:
         form = urllib.parse.urlencode({"username": "anyone", "password": password}).encode()
         return answers(address, "/login", form)
@@ -313,7 +319,7 @@ def test_guessing_passwords_is_slowed_down_and_cookies_stay_at_home():
         assert int(found["Retry-After"]) >= 1
 
 
-def test_every_answer_has_its_headers_and_no_version():
+def test_every_answer_has_its_headers_and_sessions_of_ones_own_making_are_refused(running):
     with running(STREAMDASH_EMBEDDED_IN="https://course.example.org") as address:
         for path in ("/main", "/liveness", "/static/js/bokeh.min.js", "/nothing/here"):
             _, found = answers(address, path)
@@ -324,11 +330,5 @@ def test_every_answer_has_its_headers_and_no_version():
             assert policy["frame-ancestors"] == "'self' https://course.example.org"
             assert policy["default-src"] == "'self'"
             assert "http" not in policy["script-src"] + policy["connect-src"]
-
-
-def test_sessions_of_ones_own_making_are_refused():
-    with running() as address:
-        with urllib.request.urlopen(f"{address}/main", timeout=PATIENCE_S) as answer:
-            assert answer.status == 200
         with pytest.raises(OSError, match="Disconnected with error code"):
             pull_session(session_id="mine", url=f"{address}/main")

@@ -11,7 +11,7 @@ from streamdash.observe.detection import smooth_p
 from streamdash.survey.design import AS_IS, Design, measured
 
 
-@pytest.mark.parametrize("order", [AS_IS, 0, 3])
+@pytest.mark.parametrize("order", [AS_IS, pytest.param(0, marks=pytest.mark.slow), 3])
 def test_smooth_streams_are_not_detected_and_perturbed_ones_are(order):
     n, sigma = 36, np.full(36, 0.12)
     edges = np.linspace(-80.0, -8.0, n + 1)

@@ -15,6 +15,7 @@ from streamdash.survey.mock import mock_bins
 from streamdash.survey.observed import ObservedStreams
 from tests.shipped import of_default_stream
 
+pytestmark = pytest.mark.slow  # all are about one detector, which learns for half a minute
 N_KNOWN = 1400
 """Streams per class that are learnt from; the others are unseen."""
 

@@ -90,8 +90,9 @@ def test_csv_and_markdown_hold_the_same_table(results):
     assert "| the paper’s | 4.0 | 5.4 | 3.1 | 1.3 |" in markdown
 
 
-def test_command_writes_everything(shipped_cache, tmp_path, capsys, results):
-    options = ("--cache", str(shipped_cache), "--no-classifier", "-o", str(tmp_path / "deep" / "er"))
+def test_command_writes_everything(small_cache_of_four, tmp_path, capsys, geometry):
+    results = measure(load_sample(Cache((small_cache_of_four,))), geometry)
+    options = ("--cache", str(small_cache_of_four), "--no-classifier", "-o", str(tmp_path / "deep" / "er"))
     code, out, err = run(capsys, *options)
     assert (code, err) == (0, "")
     assert out == table_markdown(results)

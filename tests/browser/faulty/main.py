@@ -1,5 +1,6 @@
-"""The app with one handler that raises, of the kind that ``?fault=`` names; for test_guard.py."""
+"""The app with handlers that raise, of the kinds that ``?fault=`` names; for test_guard.py."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -13,35 +14,46 @@ from app.serving import open_session
 from app.ui.upload import FileDrop
 
 
-def fail(*_):
-    """What a handler does that nobody has thought of."""
-    raise RuntimeError("a handler raised on purpose")
+def fail(kind):
+    """A handler that does what nobody has thought of, and leaves word that it was called."""
+
+    called = Path(os.environ["STREAMDASH_FAULTS"])  # when a session ends, this module has lost its names
+
+    def handler(*_):
+        with called.open("a", encoding="utf-8") as file:
+            file.write(f"{kind}\n")
+        raise RuntimeError("a handler raised on purpose")
+
+    return handler
 
 
 ABOVE = {"position": "fixed", "bottom": "60px", "left": "60px", "z-index": "99999"}
 shown = open_session(process_services())
-fault = pn.state.session_args.get("fault", [b""])[0].decode()
+faults = pn.state.session_args.get("fault", [b""])[0].decode().split(",")
 document = pn.state.curdoc
 pressed = {
-    "button": fail,
-    "periodic": lambda: pn.state.add_periodic_callback(fail, 50, count=3),
-    "next tick": lambda: document.add_next_tick_callback(fail),
-    "timeout": lambda: document.add_timeout_callback(fail, 50),
-    "session destroyed": lambda: pn.state.on_session_destroyed(fail),
-    "unlocked": lambda: pn.state.execute(fail, schedule=True),
+    "button": fail("button"),
+    "unlocked": lambda *_: pn.state.execute(fail("unlocked"), schedule=True),
 }
-if fault in pressed:
-    pn.Row(ui.button("Fault", pressed[fault], css_classes=["sd-fault"]), styles=ABOVE).servable()
-elif fault == "download":
-    pn.Row(ui.download("fault.csv", "fault", fail), styles=ABOVE).servable()
-elif fault == "slider":
-    slider = ui.number_slider("Fault", 0, 10, 5, "fault")
-    slider.param.watch(fail, "value")
-    pn.Row(slider, styles=ABOVE).servable()
-elif fault == "upload":
-    pn.Row(FileDrop(fail, fail, css_classes=["sd-fault"]), styles=ABOVE).servable()
-elif fault == "document event":
-    document.on_event("document_ready", fail)
-elif fault == "load":
-    pn.state.onload(fail)
+silent = {
+    "periodic": lambda: pn.state.add_periodic_callback(fail("periodic"), 50, count=3),
+    "next tick": lambda: document.add_next_tick_callback(fail("next tick")),
+    "timeout": lambda: document.add_timeout_callback(fail("timeout"), 50),
+    "session destroyed": lambda: pn.state.on_session_destroyed(fail("session destroyed")),
+    "document event": lambda: document.on_event("document_ready", fail("document event")),
+    "load": lambda: pn.state.onload(fail("load")),
+}
+for fault in faults:
+    if fault in pressed:
+        pn.Row(ui.button("Fault", pressed[fault], css_classes=["sd-fault"]), styles=ABOVE).servable()
+    elif fault == "download":
+        pn.Row(ui.download("fault.csv", "fault", fail(fault)), styles=ABOVE).servable()
+    elif fault == "slider":
+        slider = ui.number_slider("Fault", 0, 10, 5, "fault")
+        slider.param.watch(fail(fault), "value")
+        pn.Row(slider, styles=ABOVE).servable()
+    elif fault == "upload":
+        pn.Row(FileDrop(fail(fault), fail(fault), css_classes=["sd-fault"]), styles=ABOVE).servable()
+    elif fault in silent:
+        silent[fault]()
 shown.servable(title="streamdash")
