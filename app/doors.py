@@ -7,7 +7,6 @@ transform for all answers and, where there is a password, a sign-in that slows g
 from __future__ import annotations
 
 import hmac
-import ipaddress
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -21,6 +20,7 @@ from tornado.httputil import HTTPHeaders, HTTPServerRequest
 from tornado.web import OutputTransform
 
 from app.borrowed import sign_in_pages
+from app.session.visitor import network
 
 FREE_GUESSES = 5
 """Wrong passwords of one address before it has to wait."""
@@ -46,33 +46,22 @@ class Guesses:
 
     def wait(self, address: str) -> float:
         """Seconds until this address may try again; 0 when it may now."""
-        _, until = self._wrong.get(_network(address), (0, 0.0))
+        _, until = self._wrong.get(network(address), (0, 0.0))
         return max(0.0, until - self._clock())
 
     def wrong(self, address: str) -> None:
         """Note a wrong password."""
-        network = _network(address)
-        count = self._wrong.pop(network, (0, 0.0))[0] + 1
+        place = network(address)
+        count = self._wrong.pop(place, (0, 0.0))[0] + 1
         lock = min(2.0 ** min(count - FREE_GUESSES, 30), LONGEST_LOCK_S) if count >= FREE_GUESSES else 0.0
-        self._wrong[network] = (count, self._clock() + lock)
+        self._wrong[place] = (count, self._clock() + lock)
 
     def right(self, address: str) -> None:
         """Forget what went wrong before."""
-        self._wrong.pop(_network(address), None)
+        self._wrong.pop(network(address), None)
 
     def __len__(self) -> int:
         return len(self._wrong)
-
-
-def _network(address: str) -> str:
-    """What one person has: an IPv4 address, or an IPv6 network of 64 bits."""
-    try:
-        number = ipaddress.ip_address(address.partition("%")[0])
-    except ValueError:
-        return address[:64]
-    if number.version == 4:
-        return str(number)
-    return str(ipaddress.ip_network((number, 64), strict=False))
 
 
 class Login(BasicLoginHandler):

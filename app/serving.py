@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
+from collections.abc import Callable
 from typing import Any
 
 import panel as pn
@@ -20,7 +21,6 @@ from app.session.session import Session
 from app.shell import Shell
 from streamdash.store.keeping import mark_used
 
-NEWS_MS = 1000
 MARK_S = 120
 """How often a session notes which ensembles it uses; more often than they may be removed after."""
 
@@ -67,17 +67,21 @@ class News:
         self.session, self.services = session, services
         self._seen = seen
         self._marked = -math.inf
-        self._timer: Any = None
+        self._leave: Callable[[], None] | None = None
 
     def start(self) -> None:
-        """Look every second from now on."""
-        self._timer = pn.state.add_periodic_callback(self.look, NEWS_MS)
+        """Look from now on whenever the cache has changed, and every `MARK_S`."""
+        watch = self.services.watch
+        self.look()
+        self._leave = self.services.bell.follow(
+            lambda: (watch.version, int(time.monotonic() / MARK_S)), self.look
+        )
 
     def stop(self) -> None:
         """Look no more."""
-        if self._timer is not None:
-            self._timer.stop()
-            self._timer = None
+        if self._leave is not None:
+            self._leave()
+            self._leave = None
 
     def look(self) -> None:
         """Hand a newer catalog to the session; note which ensembles it uses, so that they stay."""
@@ -86,7 +90,7 @@ class News:
             self._seen = watch.version
             with pn.io.hold():
                 self.session.refresh(watch.catalog)
-        if time.monotonic() - self._marked > MARK_S:
+        if time.monotonic() - self._marked > MARK_S / 2:
             self._marked = time.monotonic()
             for key in self.session.mass:
                 mark_used(self.services.cache, key)

@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
-
 from app.services.services import Services, Unavailable
-from app.session.catalog import Choice
 from app.session.session import Session
+from app.work.pieces import noisy_profiles
 from streamdash.statistics.evidence import RULES, Comparison, compare
 
 
 def choice_key(session: Session) -> tuple:
     """Everything that a result of the chosen classes at the chosen noise depends on."""
     return tuple(choice.key for choice in session.ensembles), session.noise, session.exclude
-
-
-def noisy_profiles(
-    services: Services, choices: Sequence[Choice], noise: float, number: int = 0
-) -> list[np.ndarray]:
-    """Qρ with shot noise of every class, (n_streams, n_longitudes); `number` names another draw of it."""
-    return services.observed(choices).noisy(noise, number)
 
 
 def shared_comparison(services: Services, session: Session) -> Comparison:

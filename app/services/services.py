@@ -1,47 +1,30 @@
-"""What all browser sessions of one server process share. Passed in; never imported as a global.
-
-`Services.shared` is the place for every result that depends only on (ensembles, noise, bins, …):
-PDFs, evidence, trained models. It computes each key once however many sessions ask at the same
-moment, keeps what was used last, and forgets the rest.
-"""
+"""What all browser sessions of one server process share. Passed in; never imported as a global."""
 
 from __future__ import annotations
 
-import dataclasses
 import functools
-import logging
-import sys
-import threading
-from collections.abc import Callable, Hashable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, TypeVar
 
-import numpy as np
-import xarray as xr
-from cachetools import LRUCache
+from loky import cpu_count
 
+from app.services.bell import Bell
 from app.services.cache_watch import CacheWatch
-from app.session.catalog import SHOWN, Catalog, Choice, read_catalog
+from app.services.results import MEMORY_BYTES, Results, Unavailable
+from app.session.catalog import SHOWN, Catalog, read_catalog
+from app.work.pool import Pool
 from app.work.tasks import Work
-from streamdash.config import StreamModel
-from streamdash.engine.geometry import Geometry
 from streamdash.observe.table import UploadLimit
 from streamdash.simulation.jobs import Jobs, Limits
 from streamdash.store.cache import Cache
-from streamdash.survey.observed import ObservedStreams
 
-T = TypeVar("T")
-logger = logging.getLogger(__name__)
+__all__ = ["Services", "Unavailable", "process_services"]
 
-MEMORY_BYTES = 512 * 2**20
-"""Memory that shared results may keep, in bytes."""
-
-
-class Unavailable(Exception):
-    """Something cannot be shown; the message is one sentence for the person looking."""
+WORKERS = (3, 8)
+"""Fewest and most processes that train, classify and look ahead; else one a core."""
+LABORATORY_S = 1800.0
+"""Longest that one convergence test may take; by the clock ten times as long, as others do its work."""
 
 
-class Services:
+class Services(Results):
     """Cache, geometries, ensembles and shared results of one server process.
 
     Parameters
@@ -57,14 +40,20 @@ class Services:
 
     Attributes
     ----------
+    pool : Pool
+        Worker processes for all that takes longer than a figure.
     work : Work
         Long computations with progress and cancel.
+    quick : Work
+        Those of about a second, for `app.work.later`.
+    here : Work
+        The same on a thread of this process: for what takes a fraction of a second and asks its session.
     laboratory : Work
         The same for simulations of convergence tests, which nothing else should wait for.
-    later : ThreadPoolExecutor
-        The one thread of `app.work.later`.
     jobs : Jobs
         Simulations in the background.
+    bell : Bell
+        Tells sessions of changes.
     watch : CacheWatch
         Notices new ensembles, once it is started.
     """
@@ -76,148 +65,24 @@ class Services:
         limits: Limits | None = None,
         uploads: UploadLimit | None = None,
     ) -> None:
-        self.cache = cache
-        self.work = Work()
-        self.laboratory = Work()
-        self.later = ThreadPoolExecutor(1, "later")
+        super().__init__(cache, memory)
         self.jobs = Jobs(cache, limits)
+        nice = self.jobs.limits.nice
+        self.pool = Pool(min(max(cpu_count(), WORKERS[0]), WORKERS[1]), nice=nice)
+        self.work = Work(self.pool)
+        self.quick = Work(self.pool)
+        self.here = Work()
+        self.laboratory = Work(Pool(1, long_s=LABORATORY_S, nice=nice))
         self.uploads = uploads or UploadLimit()
         self.watch = CacheWatch(cache)
-        self._results: LRUCache = LRUCache(memory, getsizeof=_size)
-        self._running: dict[Hashable, tuple[Future, int]] = {}
-        self._lock = threading.Lock()
-
-    def shared(self, key: Hashable, compute: Callable[[], T]) -> T:
-        """Result of ``compute()``, computed once for all sessions.
-
-        Parameters
-        ----------
-        key
-            Everything the result depends on, hashable, starting with a name of its kind:
-            ``("evidence", ensemble_keys, noise, n_bin)``. Floats must be rounded already.
-        compute
-            Called without arguments if the result is not there. It may call `shared` with other
-            keys. Its result is shared between sessions and threads: never change it in place.
-
-        Returns
-        -------
-        result
-            Also when it is too large to be kept.
-
-        Raises
-        ------
-        Exception
-            Whatever ``compute`` raised, for every caller that waited; nothing is kept, so that the
-            next call tries again.
-        """
-        me = threading.get_ident()
-        with self._lock:
-            if key in self._results:
-                return self._results[key]
-            future, owner = self._running.get(key, (None, me))
-            if future is None:
-                future = Future()
-                self._running[key] = (future, me)
-                mine = True
-            else:
-                mine = False
-        if not mine:
-            if owner == me:
-                raise RuntimeError(f"computing {key!r} asks for itself")
-            return future.result()
-        try:
-            result = compute()
-        except BaseException as error:
-            with self._lock:
-                del self._running[key]
-            future.set_exception(error)
-            raise
-        with self._lock:
-            del self._running[key]
-            try:
-                self._results[key] = result
-            except ValueError:  # larger than all the memory allowed
-                logger.warning("result %r is too large to be kept", key)
-        future.set_result(result)
-        return result
+        self.bell = Bell()
 
     def catalog(self) -> Catalog:
         """Streams and ensembles there are now."""
         return self.watch.catalog or read_catalog(self.cache.entries(SHOWN))
-
-    def geometry(self, stream: StreamModel) -> Geometry:
-        """Geometry of a stream, from the cache only: computing it takes minutes.
-
-        Raises
-        ------
-        Unavailable
-            When the cache does not have it or it is damaged.
-        """
-
-        def compute() -> Geometry:
-            dataset = self.cache.open_geometry(stream)
-            if dataset is None:
-                raise Unavailable(
-                    "The geometry of this stream is not in the cache; run `streamdash simulate` for it once."
-                )
-            return Geometry.from_dataset(dataset, stream)
-
-        return self.shared(("geometry", stream.key), compute)
-
-    def ensemble(self, key: str) -> xr.Dataset:
-        """A complete ensemble, in memory: ``density`` and ``omega`` (stream, theta)."""
-        return self.shared(("ensemble", key), lambda: self.cache.open_ensemble(key).load())
-
-    def observed(self, choices: Sequence[Choice]) -> ObservedStreams:
-        """Ensembles of one stream as they are observed by default, in the bins of its description.
-
-        Each ensemble is opened and binned once, whatever others it is compared with.
-
-        Raises
-        ------
-        Unavailable
-            When a stream cannot be shown in such bins, or its geometry is not there.
-        """
-        keys = tuple(choice.key for choice in choices)
-        if len(choices) > 1:
-            return self.shared(
-                ("observed", *keys), lambda: ObservedStreams.join([self.observed([c]) for c in choices])
-            )
-        (choice,) = choices
-        if choice.arms:
-            return self.shared(
-                ("observed", *keys),
-                lambda: ObservedStreams.beside([self.observed([arm]) for arm in choice.arms]),
-            )
-
-        def compute() -> ObservedStreams:
-            geometry = self.geometry(choice.config.stream)
-            try:
-                return ObservedStreams.of(geometry, self.ensemble(choice.key), choice.config)
-            except ValueError as error:
-                raise Unavailable(f"{choice.label} cannot be shown in bins of longitude: {error}.") from None
-
-        return self.shared(("observed", *keys), compute)
 
 
 @functools.cache
 def process_services() -> Services:
     """The one `Services` of this server process; only ``main.py`` calls this."""
     return Services(Cache.default(), limits=Limits(), uploads=UploadLimit())
-
-
-def _size(value: Any) -> int:
-    """Bytes of arrays in a result, however nested; 1 kB for anything else."""
-    if isinstance(value, np.ndarray):
-        return value.nbytes + 128
-    if isinstance(value, xr.Dataset | xr.DataArray):
-        return value.nbytes + 1024
-    if isinstance(value, bytes | str):
-        return sys.getsizeof(value)
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return 256 + sum(_size(getattr(value, field.name)) for field in dataclasses.fields(value))
-    if isinstance(value, Mapping):
-        return 256 + sum(_size(item) for item in value.values())
-    if isinstance(value, tuple | list):
-        return 256 + sum(_size(item) for item in value)
-    return 1024

@@ -1,31 +1,35 @@
 """Long computations with progress and cancel, shared by all sessions of the process.
 
-One thread works; it never touches a Bokeh document. It writes to a `Task`; sessions that wait for
-it look at it from their own event loop (`Watch`), and only while they wait.
+The workers of `app.work.pool` compute; they never touch a Bokeh document. Sessions that wait for a `Task`
+look at it from their own event loop (`Watch`), and only while they wait.
 """
 
 from __future__ import annotations
 
-import contextlib
 import logging
-import os
 import threading
 from collections.abc import Callable, Hashable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future
 from typing import Any
 
 import panel as pn
 from cachetools import LRUCache
 
+from app.services.results import Unavailable
+from app.session.visitor import this_visitor
+from app.work.pool import Compute, Full, Piece, Pool
 from streamdash.classifier.data import Cancelled
+from streamdash.store.cache import StoreError
 
-Compute = Callable[[Callable[[int, int], None], Callable[[], bool]], Any]
-"""Called with ``progress(done, total)`` and ``should_stop()``; raises `Cancelled` when stopped."""
+__all__ = ["Compute", "Task", "Watch", "Work"]
 
 logger = logging.getLogger(__name__)
 KEPT = 64
 """Tasks that are remembered, with their results."""
 POLL_MS = 250
+SENTENCES = (ValueError, TimeoutError, ChildProcessError, Unavailable, StoreError)
+"""Errors whose message is a sentence for the person who waits."""
+UNEXPECTED = "This computation failed unexpectedly; the server's log has the details."
 
 
 class Task:
@@ -46,65 +50,95 @@ class Task:
 
     def __init__(self, key: Hashable) -> None:
         self.key = key
-        self.state = "waiting"
-        self.fraction = 0.0
-        self.version = 0
         self.result: Any = None
         self.error = ""
         self.waiting_for_it = 0
-        self._stop = threading.Event()
+        self._ended = ""
+        self._version = 0
+        self._piece: Piece | None = None
+        self._over = threading.Event()
+
+    @property
+    def state(self) -> str:
+        """What becomes of it now."""
+        if self._ended:
+            return self._ended
+        return "running" if self._piece is not None and self._piece.future.running() else "waiting"
+
+    @property
+    def fraction(self) -> float:
+        """How much of it is done."""
+        if self._ended == "done":
+            return 1.0
+        piece = self._piece
+        return 0.0 if piece is None else min(piece.done / max(piece.total, 1.0), 1.0)
+
+    @property
+    def version(self) -> int:
+        """Another number whenever something has changed."""
+        return self._version + (0 if self._piece is None else self._piece.version)
 
     @property
     def active(self) -> bool:
         """Whether it waits or runs."""
-        return self.state in ("waiting", "running")
+        return not self._ended
 
     @property
     def stopping(self) -> bool:
         """Whether it was asked to end."""
-        return self._stop.is_set()
+        return self._piece is not None and self._piece.stopping
+
+    def wait(self) -> None:
+        """Wait until it has ended; only for those who keep nobody else waiting."""
+        self._over.wait()
 
     def stop(self) -> None:
         """Ask it to end; it does at its next step."""
-        self._stop.set()
+        if self._piece is not None:
+            self._piece.stop()
 
-    def run(self, compute: Compute) -> None:
-        """Work it off, on the calling thread."""
-        if self.stopping:
-            self._change("cancelled")
-            return
-        self._change("running")
+    def follow(self, piece: Piece) -> None:
+        """Become what becomes of a piece of work."""
+        self._piece = piece
+        piece.future.add_done_callback(self._settle)
+
+    def fail(self, sentence: str) -> None:
+        """End without having begun."""
+        self.error = sentence
+        self._end("failed")
+
+    def _settle(self, future: Future) -> None:
         try:
-            self.result = compute(self._progress, self._stop.is_set)
-        except Cancelled:
-            self._change("cancelled")
-        except ValueError as error:
-            self.error = str(error)
-            self._change("failed")
-        except Exception:
-            logger.exception("task %r failed", self.key)
-            self.error = "This computation failed unexpectedly; the server's log has the details."
-            self._change("failed")
+            self.result = future.result()
+        except (Cancelled, CancelledError):
+            self._end("cancelled")
+        except SENTENCES as error:
+            self.fail(str(error))
+        except BaseException as error:
+            logger.error("task %r failed", self.key, exc_info=error)
+            self.fail(UNEXPECTED)
         else:
-            self.fraction = 1.0
-            self._change("done")
+            self._end("done")
 
-    def _progress(self, done: int, total: int) -> None:
-        self.fraction = done / max(total, 1)
-        self.version += 1
-
-    def _change(self, state: str) -> None:
-        self.state = state
-        self.version += 1
+    def _end(self, state: str) -> None:
+        self._ended = state
+        self._version += 1
+        self._over.set()
 
 
 class Work:
-    """The tasks of one server process, by key, and the thread that does them one after the other."""
+    """The tasks of one server process, by key, and the pool that computes them.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    pool : Pool, optional
+        Without one, a thread of this process computes one task after the other.
+    """
+
+    def __init__(self, pool: Pool | None = None) -> None:
+        self.pool = pool or Pool(1, processes=False)
         self._tasks: LRUCache[Hashable, Task] = LRUCache(KEPT)
         self._lock = threading.Lock()
-        self._thread = ThreadPoolExecutor(1, "work", initializer=_be_nice)
 
     def find(self, key: Hashable) -> Task | None:
         """The task of that key, unless it was never asked for, has failed, was cancelled or is forgotten."""
@@ -112,15 +146,29 @@ class Work:
             task = self._tasks.get(key)
         return task if task is not None and (task.active or task.state == "done") else None
 
-    def ask(self, key: Hashable, compute: Compute) -> Task:
-        """Start a task, or join the one of the same key."""
+    def ask(self, key: Hashable, compute: Compute, short: bool = False) -> Task:
+        """Start a task, or join the one of the same key; the share is that of the session that asks.
+
+        Parameters
+        ----------
+        key
+            Everything that the result depends on, starting with a name of its kind.
+        compute
+            See `app.work.pool.Compute`: it runs in another process.
+        short
+            Whether it is one of those that take about a second.
+        """
         with self._lock:
             task = self._tasks.get(key)
             if task is not None and task.state in ("waiting", "running", "done") and not task.stopping:
                 return task
             task = Task(key)
             self._tasks[key] = task
-        self._thread.submit(task.run, compute)
+        kind = str(key[0]) if isinstance(key, tuple) and key else str(key)
+        try:
+            task.follow(self.pool.submit(compute, this_visitor(), kind, short))
+        except Full as refusal:
+            task.fail(str(refusal))
         return task
 
     def forget(self, key: Hashable) -> None:
@@ -194,9 +242,3 @@ class Watch:
             self._show(task)
         if not active:
             self.leave()
-
-
-def _be_nice() -> None:
-    """Let the event loop go first where threads can be ranked: moving sliders matter more."""
-    with contextlib.suppress(AttributeError, OSError):
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 5)

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Hashable, Mapping
+from functools import partial
 from typing import Any
 
 from app.services.services import Services
 from app.session.listing import ensembles_code
 from app.session.session import Session
-from app.work.tasks import Compute
-from streamdash.classifier.abundance import FreeAbundance, learn_free
+from app.work.pieces import freed, trained
+from app.work.pool import Compute
 from streamdash.classifier.data import check_classes
 from streamdash.classifier.model import PRESETS, ClassifierConfig
-from streamdash.classifier.store import ModelFileError, ModelStore
-from streamdash.classifier.train import Judged, judge, model_key, train
+from streamdash.classifier.train import Judged
 from streamdash.statistics.features import ALL_SUMMARIES
 from streamdash.survey.observed import ObservedStreams
-
-logger = logging.getLogger(__name__)
 
 
 def settings_of(session: Session) -> ClassifierConfig:
@@ -79,48 +76,16 @@ def training(services: Services, session: Session) -> tuple[Hashable, Compute]:
 def train_task(
     services: Services, session: Session, noise: float, settings: ClassifierConfig
 ) -> tuple[Hashable, Compute]:
-    """Key and computation of a classifier of the chosen classes, for `app.work.tasks.Work.ask`.
-
-    A model that was kept on disk is read and judged again, which takes a fraction of a second; one
-    whose files are damaged is trained anew.
-    """
-    streams = streams_of(services, session)
-
-    def compute(progress, should_stop) -> Judged:
-        store, key = ModelStore.default(), model_key(streams, noise, settings)
-        try:
-            kept = store.open(key)
-        except ModelFileError:
-            store.remove(key)
-            kept = None
-        if kept is not None:
-            return judge(kept, streams)
-        judged = train(streams, noise, settings, progress, should_stop)
-        try:
-            store.save(key, judged.classifier)
-        except OSError as error:  # a full disk or a read-only folder takes nothing from who waits
-            logger.warning("the model could not be kept: %s", error)
-        return judged
-
+    """Key and computation of a classifier of the chosen classes, for `app.work.tasks.Work.ask`."""
+    streams_of(services, session)  # refuses here what are no classes
+    compute = partial(trained, services, session.ensembles, noise, settings)
     return ("classifier", *_key(session, noise, settings)), compute
 
 
 def free_task(services: Services, session: Session, fixed: Judged) -> tuple[Hashable, Compute]:
     """Key and computation of what changes if the abundance of the chosen classes is free."""
-    configs = streams_of(services, session).configs
     noise, settings = session.noise, settings_of(session)
-
-    def compute(progress, should_stop) -> FreeAbundance | None:
-        return learn_free(
-            services.cache,
-            configs,
-            fixed,
-            noise=noise,
-            settings=settings,
-            progress=progress,
-            should_stop=should_stop,
-        )
-
+    compute = partial(freed, services, session.ensembles, fixed, noise, settings)
     return ("free", *_key(session, noise, settings)), compute
 
 

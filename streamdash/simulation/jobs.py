@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from cachetools import LRUCache
 from loky import cpu_count
 
 from streamdash.config import EnsembleConfig
@@ -22,7 +24,7 @@ from streamdash.simulation.ensemble import Stopped, complete, prepare_workers
 from streamdash.simulation.geometry import load_geometry
 from streamdash.simulation.limits import Limits, Refused, check_impacts, check_size
 from streamdash.simulation.status import JobStatus, Pace
-from streamdash.simulation.workers import WorkerError, cluster, is_ending
+from streamdash.simulation.workers import WorkerError, cluster, is_ending, kill_workers
 from streamdash.store.cache import Cache, StoreError
 from streamdash.store.keeping import make_room, mark_used, room_for
 from streamdash.store.titles import check_title
@@ -37,6 +39,12 @@ PREPARED_MAX = 16
 """Most workers that are started before there is a job."""
 KEPT = 50
 """Ended jobs that are remembered."""
+TURN_S = 60.0
+"""A job that computes for this long lets others go first, where those of another visitor wait."""
+FORCE_S = 30.0
+"""Workers of a job that took too long and does not end are killed after this long."""
+LOOK_WAITING_S = 2.0
+"""How often jobs that wait for their turn are looked at."""
 UNEXPECTED = "The simulation failed unexpectedly; the server's log has the details."
 
 
@@ -47,10 +55,15 @@ class _Job:
     config: EnsembleConfig
     title: str
     owners: set[str]
+    place: str = ""
+    """Network address of who asked first; empty when it is not known."""
     ended: str = ""
     """``done``, ``cancelled`` or ``failed``; empty until then."""
     error: str = ""
     took_s: float | None = None
+    spent_s: float = 0.0
+    """How long it has been computed, in the turns that are over."""
+    too_long: bool = False
     stop: threading.Event = field(default_factory=threading.Event)
     pace: Pace = field(default_factory=Pace)
     times_pace: Pace = field(default_factory=Pace)
@@ -79,6 +92,11 @@ class Jobs:
         self.version = 0
         self._jobs: dict[str, _Job] = {}
         self._current: str | None = None
+        self._began = 0.0
+        self._killed = False
+        self._served: LRUCache[tuple[str, ...], int] = LRUCache(4096)
+        self._turns = 0
+        self._looked_at_all = -math.inf
         self._changed = threading.Condition()
         self._looking = threading.Lock()
         self._threads: list[threading.Thread] = []
@@ -86,7 +104,7 @@ class Jobs:
 
     # ------------------------------------------------------------ asking
 
-    def submit(self, config: EnsembleConfig, owner: str = "", title: str = "") -> str:
+    def submit(self, config: EnsembleConfig, owner: str = "", title: str = "", place: str = "") -> str:
         """Have an ensemble computed, or join those who wait for the same.
 
         Parameters
@@ -94,6 +112,7 @@ class Jobs:
         config : what to compute.
         owner : who asks, for example a browser session's id.
         title : name for people; an ensemble keeps the first it was given.
+        place : network address of who asks, where it is known: places take turns.
 
         Returns
         -------
@@ -125,9 +144,9 @@ class Jobs:
             job = self._jobs.get(key)
             if job is not None and not job.ended and job.stop.is_set():
                 raise Refused("This simulation is just being stopped; start it again in a moment.")
-            self._check_queue(owner)
+            self._check_queue(owner, place)
             self._jobs.pop(key, None)
-            self._jobs[key] = _Job(config, title, {owner})
+            self._jobs[key] = _Job(config, title, {owner}, place)
             self._forget()
             self._start()
         self.look()
@@ -189,7 +208,7 @@ class Jobs:
 
     # ------------------------------------------------------------ limits
 
-    def _check_queue(self, owner: str) -> None:
+    def _check_queue(self, owner: str, place: str) -> None:
         active = [job for job in self._jobs.values() if not job.ended]
         limits = self.limits
         if len(active) >= limits.max_jobs:
@@ -201,6 +220,11 @@ class Jobs:
             raise Refused(
                 f"{limits.max_jobs_per_session} simulations of yours are running or waiting, as many as "
                 "this server allows; cancel one or wait for it."
+            )
+        if place and sum(job.place == place for job in active) >= limits.max_jobs_per_address:
+            raise Refused(
+                f"{limits.max_jobs_per_address} simulations from your network address are running or "
+                "waiting, as many as this server allows; cancel one or wait for it."
             )
 
     def _forget(self) -> None:
@@ -228,7 +252,12 @@ class Jobs:
                         return
                     self._changed.wait(LOOK_S if self._active() else None)
                 self._current = job.config.key if job else None
+                self._began, self._killed = time.monotonic(), False
                 self._prepare = False
+                if job is not None:
+                    self._turns += 1
+                    for path in _paths(job):
+                        self._served[path] = self._turns
             if job is None:
                 prepare_workers(self.cache, self.limits.workers, self.limits.nice)
                 continue
@@ -236,15 +265,31 @@ class Jobs:
             ended, error = self._outcome(job)
             with self._changed:
                 self._current = None
-                self._end(job, ended, error, time.monotonic() - start)
+                job.spent_s += time.monotonic() - start
+                if ended:  # else its turn is over, and it waits for the next
+                    self._end(job, ended, error, job.spent_s)
                 self._changed.notify_all()
 
     def _next(self) -> _Job | None:
-        """The first job that waits and that no other process computes."""
-        for key, job in self._jobs.items():
-            if not job.ended and not job.stop.is_set() and not self._elsewhere(key, job.config):
+        """Of the jobs that wait and that no other process computes: the one whose visitor waited longest."""
+        waiting = [job for job in self._jobs.values() if not job.ended and not job.stop.is_set()]
+        for job in sorted(waiting, key=lambda job: [self._served.get(path, 0) for path in _paths(job)]):
+            if not self._elsewhere(job.config.key, job.config):
                 return job
         return None
+
+    def _turn_is_over(self, job: _Job) -> bool:
+        """Whether a job that is computed makes room for what others wait for; called often."""
+        if time.monotonic() - self._began < TURN_S:
+            return False
+        with self._changed:
+            return any(
+                other is not job
+                and not other.ended
+                and not other.stop.is_set()
+                and _paths(other) != _paths(job)
+                for other in self._jobs.values()
+            )
 
     def _elsewhere(self, key: str, config: EnsembleConfig) -> bool:
         return self.cache.busy(key) or self.cache.busy(config.stream.key)
@@ -254,13 +299,22 @@ class Jobs:
         try:
             self._compute(job)
         except Stopped:
-            return "cancelled", ""
+            return self._why_stopped(job)
         except (StoreError, WorkerError, ValueError) as error:
-            return "failed", str(error)
+            return self._why_stopped(job) if job.too_long else ("failed", str(error))
         except Exception:
             log.exception("job %s failed", job.config.key)
             return "failed", UNEXPECTED
         return "done", ""
+
+    def _why_stopped(self, job: _Job) -> tuple[str, str]:
+        if job.too_long:
+            return "failed", (
+                f"This took longer than the {self.limits.max_job_minutes:g} minutes that this server gives "
+                "to one simulation; what is finished is kept. Ask for fewer streams, a narrower mass range "
+                "or a stream closer to the examples."
+            )
+        return ("cancelled", "") if job.stop.is_set() else ("", "")
 
     def _compute(self, job: _Job) -> None:
         """Compute a job; workers that are lost are replaced as long as it gets on."""
@@ -285,8 +339,11 @@ class Jobs:
     def _attempt(self, job: _Job) -> None:
         config, limits = job.config, self.limits
 
+        def should_stop() -> bool:
+            return job.stop.is_set() or self._turn_is_over(job)
+
         def report(_done: int, _total: int) -> None:
-            if job.stop.is_set():
+            if should_stop():
                 raise Stopped(0, config.n_streams)
 
         geometry = load_geometry(
@@ -298,7 +355,7 @@ class Jobs:
             self.cache,
             limits.executor,
             limits.workers,
-            should_stop=job.stop.is_set,
+            should_stop=should_stop,
             nice=limits.nice,
             title=job.title,
         )
@@ -320,10 +377,29 @@ class Jobs:
         """Replace `statuses` while jobs are active."""
         while True:
             self.look()
+            self._end_what_takes_too_long()
             with self._changed:
                 if self._closed:
                     return
                 self._changed.wait(LOOK_S if self._active() else None)
+
+    def _end_what_takes_too_long(self) -> None:
+        """Stop the current job after its time; kill its workers when it does not listen."""
+        with self._changed:
+            job = self._jobs.get(self._current or "")
+            if job is None:
+                return
+            now = time.monotonic()
+            over = job.spent_s + now - self._began - 60 * self.limits.max_job_minutes
+            if over > 0 and not job.stop.is_set():
+                job.too_long = True
+                job.stop.set()
+            kill = (
+                job.too_long and over > FORCE_S and not self._killed and self.limits.executor == "processes"
+            )
+            self._killed |= kill
+        if kill:
+            kill_workers()
 
     def look(self) -> None:
         """Read the progress of all active jobs off the cache, now."""
@@ -331,14 +407,20 @@ class Jobs:
             with self._changed:
                 jobs = list(self._jobs.values())
             before = {status.key: status for status in self.statuses}
-            statuses = tuple(self._picture(job, before.get(job.config.key)) for job in jobs)
+            all_of_them = time.monotonic() - self._looked_at_all > LOOK_WAITING_S
+            if all_of_them:
+                self._looked_at_all = time.monotonic()
+            statuses = tuple(self._picture(job, before.get(job.config.key), all_of_them) for job in jobs)
             if statuses != self.statuses:
                 self.statuses = statuses
                 self.version += 1
 
-    def _picture(self, job: _Job, before: JobStatus | None) -> JobStatus:
+    def _picture(self, job: _Job, before: JobStatus | None, thorough: bool) -> JobStatus:
         if job.ended and before is not None and before.state == job.ended:
             return before
+        waits = before is not None and before.state == "waiting" and job.config.key != self._current
+        if before is not None and waits and not job.ended and not thorough and before.owners == job.owners:
+            return before  # its files need not be looked at this often
         config, key = job.config, job.config.key
         times, done = self._progress(config)
         if done == config.n_streams and key != self._current:
@@ -379,3 +461,9 @@ class Jobs:
 
     def _active(self) -> bool:
         return any(not job.ended for job in self._jobs.values())
+
+
+def _paths(job: _Job) -> tuple[tuple[str, ...], ...]:
+    """Who takes turns: network addresses first, then those at one address."""
+    who = min(job.owners, default="")
+    return (job.place,), (job.place, who)

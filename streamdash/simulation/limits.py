@@ -27,6 +27,8 @@ class Limits(Settings):
     max_impacts: Size = Field(5e7, description="impacts expected in all streams of one job")
     max_jobs: int = Field(20, ge=0, le=1000, description="jobs that wait or run at the same time")
     max_jobs_per_session: int = Field(3, ge=0, le=1000, description="those of one browser session")
+    max_jobs_per_address: int = Field(10, ge=0, le=1000, description="those of one network address")
+    max_job_minutes: Size = Field(120.0, description="computing time of one job, its geometry included")
     max_disk_gb: Size = Field(2.0, description="disk for what people simulate; the least used goes first")
 
     @property

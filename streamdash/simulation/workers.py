@@ -18,7 +18,7 @@ from functools import lru_cache
 from itertools import islice
 from typing import Any, TypeVar
 
-from loky import ProcessPoolExecutor, cpu_count, get_reusable_executor
+from loky import cpu_count, get_reusable_executor
 from threadpoolctl import threadpool_limits
 
 T = TypeVar("T")
@@ -83,10 +83,10 @@ def _from_processes(
     coming = iter(pieces)
 
     def submit(most: int) -> set[Future[T]]:
-        with _spared_from_ctrl_c():
+        with spared_from_ctrl_c():
             # Asked for each time, as workers that were killed or ended are replaced as a whole.
             executor = get_reusable_executor(
-                n_workers, timeout=IDLE_S, initializer=_settle, initargs=(os.getpid(), nice), env=ONE_THREAD
+                n_workers, timeout=IDLE_S, initializer=settle, initargs=(os.getpid(), nice), env=ONE_THREAD
             )
             return {executor.submit(_work, function, piece) for piece in islice(coming, most)}
 
@@ -132,19 +132,13 @@ def is_ending() -> bool:
 
 @lru_cache(maxsize=1)
 def _end_workers_at_exit() -> None:
-    """Have a process that ends kill its workers, instead of waiting for all they have been given.
-
-    loky waits in a callback that it registers just like this when it starts; the latest is called
-    first, and those of ``atexit`` come too late.
-    """
+    """Have a process that ends kill its workers, instead of waiting for all they have been given."""
 
     def end() -> None:
         _ending.set()
         kill_workers()
 
-    register = getattr(threading, "_register_atexit", None)
-    if register is not None:
-        register(end)
+    before_loky_waits(end)
 
 
 def kill_workers() -> None:
@@ -152,8 +146,19 @@ def kill_workers() -> None:
     get_reusable_executor(reuse=True).shutdown(wait=False, kill_workers=True)
 
 
+def before_loky_waits(end: Callable[[], None]) -> None:
+    """Have `end` called when this process ends, before loky waits for what its workers were given.
+
+    loky waits in a callback that it registers just like this when it starts; the latest is called
+    first, and those of ``atexit`` come too late.
+    """
+    register = getattr(threading, "_register_atexit", None)
+    if register is not None:
+        register(end)
+
+
 @contextlib.contextmanager
-def _spared_from_ctrl_c() -> Generator[None]:
+def spared_from_ctrl_c() -> Generator[None]:
     """Start processes that Ctrl-C on the terminal does not reach: the parent ends them, and a worker
     that is still importing would print a traceback."""
     if not hasattr(signal, "pthread_sigmask"):
@@ -172,7 +177,7 @@ def _work(function: Callable[..., T], piece: tuple) -> T:
         return function(*piece)
 
 
-def _settle(parent: int, nice: int) -> None:
+def settle(parent: int, nice: int) -> None:
     """Make this worker process, which has just begun, end when process `parent` does, and stand back."""
 
     # Workers of a killed process would wait for work for ever: each holds the others' pipe open.
@@ -232,12 +237,3 @@ def cluster(scheduler: str | None) -> Any:
         return Client(threads_per_worker=1, dashboard_address=None)
     except (OSError, ValueError, TypeError) as error:  # TypeError: tls:// without certificates
         raise WorkerError(f"The Dask scheduler {scheduler} cannot be reached ({error}).") from None
-
-
-def in_process(function: Callable[..., T], *arguments: Any) -> T:
-    """``function(*arguments)`` in a process of its own, which ends afterwards; raises what it raises."""
-    with (
-        _as_worker_error(),
-        ProcessPoolExecutor(1, initializer=_settle, initargs=(os.getpid(), 0)) as executor,
-    ):
-        return executor.submit(_work, function, arguments).result()

@@ -14,6 +14,7 @@ from app.services.services import Services
 from app.serving import open_session
 from app.session.session import Session
 from app.shell import Shell
+from streamdash.simulation.limits import Limits
 from streamdash.store.cache import Cache
 from tests.waiting import wait_until
 
@@ -21,7 +22,7 @@ from tests.waiting import wait_until
 @pytest.fixture(scope="session")
 def services(shipped_cache) -> Services:
     """Services of one server process on the shipped cache."""
-    return Services(Cache.default(shipped_cache))
+    return Services(Cache.default(shipped_cache), limits=Limits(nice=0))
 
 
 @pytest.fixture

@@ -25,6 +25,7 @@ from app.shell import Shell
 from app.ui.upload import decoded
 from app.work.tasks import Task, Work
 from streamdash.observe.table import MAX_BYTES, UploadLimit
+from streamdash.simulation.limits import Limits
 from streamdash.store.cache import Cache
 from streamdash.survey.mock import EXAMPLE, EXAMPLE_TRUTH
 
@@ -56,7 +57,7 @@ def upload(page, data: bytes, name: str = "mine.csv") -> None:
 @pytest.fixture(scope="module")
 def services(small_cache) -> Services:
     """Services on a cache with few streams, from which is learnt in no time."""
-    return Services(Cache.default(small_cache))
+    return Services(Cache.default(small_cache), limits=Limits(nice=0))
 
 
 @pytest.fixture

@@ -114,12 +114,3 @@ def test_a_computation_may_ask_for_others_but_not_for_itself(services):
 def test_an_empty_cache_has_an_empty_catalog(services):
     assert services.catalog().streams == ()
     assert services.catalog().problems == ()
-
-
-def test_the_thread_of_late_results_outlives_all_results(shipped_cache):
-    services = Services(Cache.default(shipped_cache), memory=4096)
-    thread = services.later
-    for i in range(100):
-        services.shared(("filler", i), lambda: np.zeros(200))
-    assert services.later is thread
-    assert thread.submit(lambda: 1).result(timeout=PATIENCE_S) == 1

@@ -320,16 +320,3 @@ def test_ensembles_that_look_alike_have_labels_of_their_own(own):
         simulate(config, "inline", cache=own.cache)
     labels = [choice.label for choice in own.catalog().streams[0].ensembles]
     assert len(set(labels)) == len(labels) == 3
-
-
-def test_an_idle_page_looks_at_nothing(open_shell, monkeypatch):
-    page = open_shell("?page=simulate").page
-    looked = []
-    monkeypatch.setattr(page, "look", lambda: looked.append(1))
-    page.look_if_new()
-    for _ in range(5):
-        page.look_if_new()
-    assert looked == [1]
-    page.services.jobs.version += 1
-    page.look_if_new()
-    assert looked == [1, 1]

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from app.services.comparison import noisy_profiles
+from app.work.pieces import noisy_profiles
 from streamdash.plots import spectrum
 from streamdash.statistics.spectrum import band_of, power_spectrum
 

@@ -53,7 +53,7 @@ class ClassifierPage(Page):
         self._make_cards()
         self.studies = [
             StudyCard(study, self.services.work, len(self.streams.q))
-            for study in studies_of(self.services, self.session, self._question)
+            for study in studies_of(self.services, self.session)
         ]
         self.results = pn.Column(
             self.card.view,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
+from functools import partial
 from typing import Any
 
 from markupsafe import Markup
@@ -11,14 +12,13 @@ from app import ui
 from app.services.services import Services
 from app.session.session import Session
 from app.ui.study import Study
-from app.work.tasks import Compute
+from app.work.pieces import compare_presets, importance_of, on_streams
+from app.work.pool import Compute
 from app.work.training import code_head, data_key, settings_of, streams_of
-from streamdash.classifier.model import PRESETS, paper_scores
+from streamdash.classifier.model import paper_scores
 from streamdash.classifier.studies import (
     Contender,
-    compare,
     grid_search,
-    importance,
     learning_curve,
     noise_curve,
     wrong_noise_curve,
@@ -85,16 +85,8 @@ def comparison_html(contenders: Sequence[Contender], labels: Sequence[str]) -> M
     )
 
 
-def studies_of(
-    services: Services, session: Session, trained: Callable[[], tuple[Hashable, Compute]]
-) -> list[Study]:
-    """The studies for one session; their questions follow its choices.
-
-    Parameters
-    ----------
-    trained : callable
-        Key and computation of the classifier that is chosen now.
-    """
+def studies_of(services: Services, session: Session) -> list[Study]:
+    """The studies for one session; their questions follow its choices."""
     streams = streams_of(services, session)
     labels = streams.labels
 
@@ -103,32 +95,16 @@ def studies_of(
 
         def ask() -> tuple[Hashable, Compute]:
             noise, settings = session.noise, settings_of(session)
-            arguments = (streams, noise, settings) if at_noise else (streams, settings)
+            arguments = (noise, settings) if at_noise else (settings,)
             key = data_key(session) if at_noise else (data_key(session)[:-2], settings.key)
-            return (name, *key), lambda progress, should_stop: study(
-                *arguments, progress=progress, should_stop=should_stop
-            )
+            return (name, *key), partial(on_streams, study, services, session.ensembles, arguments)
 
         return ask
 
     def ask_importance() -> tuple[Hashable, Compute]:
-        noise = session.noise
-        key, compute = trained()
-
-        def run(progress, should_stop):
-            return importance(
-                compute(lambda *_: None, should_stop),
-                streams,
-                noise,
-                progress=progress,
-                should_stop=should_stop,
-            )
-
-        return ("importance", key), run
-
-    def compare_presets(streams, noise, settings, **rest):
-        chosen = {} if settings in PRESETS.values() else {"as chosen": settings}
-        return compare(streams, noise, {**chosen, **PRESETS}, **rest)
+        noise, settings = session.noise, settings_of(session)
+        compute = partial(importance_of, services, session.ensembles, noise, settings)
+        return ("importance", *data_key(session)), compute
 
     def code(call: str, module: str, draw: str, name: str) -> Callable[[], str]:
         def listing() -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import holoviews as hv
@@ -14,19 +15,15 @@ from app.pages.convergence.parts import STYLE, shifts_html, verdicts_html
 from app.services.services import Services
 from app.session.session import Session
 from app.ui.study import TaskControls
+from app.work.pieces import laboratory
 from app.work.tasks import Compute, Task, Watch
-from streamdash.classifier.data import Cancelled
 from streamdash.convergence.knobs import ConvergenceTest, knob
-from streamdash.convergence.spectra import compute_missing, missing
+from streamdash.convergence.spectra import missing
 from streamdash.convergence.text import Measured, cost, cost_sentence, measure
 from streamdash.convergence.verdicts import verdict_sentence
 from streamdash.plots import convergence
 from streamdash.plots.live import LiveFigure, export
-from streamdash.simulation.ensemble import Stopped
-from streamdash.simulation.limits import Refused, check_size
-from streamdash.simulation.workers import WorkerError
 from streamdash.statistics.spectrum import KINDS
-from streamdash.store.cache import StoreError
 
 LEGEND = (
     ("grey", "68 % of the streams of the setting compared with"),
@@ -172,21 +169,10 @@ class ConvergencePage(Page):
 
     def _job(self) -> tuple[Any, Compute]:
         """Key and computation of what is missing of the chosen test."""
-        cache, limits = self.services.cache, self.services.jobs.limits
+        limits = self.services.jobs.limits
         configs = [setting.config for setting in self.knob.settings]
 
-        def compute(progress, should_stop) -> None:
-            if not limits.max_jobs:
-                raise Refused("This server does not simulate for its visitors.")
-            for config in configs:
-                check_size(config.ensemble, limits)
-            try:
-                compute_missing(configs, cache, limits.workers, progress, should_stop, limits.nice)
-            except Stopped:
-                raise Cancelled from None
-            except (StoreError, WorkerError) as error:
-                raise ValueError(str(error)) from error
-
+        compute = partial(laboratory, self.services, configs, limits)
         return ("laboratory", *(config.key for config in configs)), compute
 
     def _layout(self) -> hv.Layout:

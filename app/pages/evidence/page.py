@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import panel as pn
@@ -10,17 +11,17 @@ from panel.viewable import Viewable
 from app import ui
 from app.page import Page
 from app.pages.evidence.parts import STYLE, evidence_table
-from app.services.comparison import choice_key, noisy_profiles, shared_comparison
+from app.services.comparison import choice_key, shared_comparison
 from app.session.listing import code_head, ensembles_code
+from app.work import pieces
 from app.work.later import Later
 from streamdash.naming import class_labels, differences
 from streamdash.paths import DOCS
 from streamdash.plots import cumulative, evidence
 from streamdash.plots.live import LiveFigure, export
 from streamdash.plots.pdf import frame
-from streamdash.statistics.cumulative import cumulative_tables
-from streamdash.statistics.evidence import RULES, measured_evidence
-from streamdash.statistics.evidence_growth import Growth, growth
+from streamdash.statistics.evidence import RULES
+from streamdash.statistics.evidence_growth import Growth
 
 LEGEND = (
     ("dots", "ln B against that class; bars: spread over 10–500 bins of y"),
@@ -205,32 +206,16 @@ class EvidencePage(Page):
         rules = RULES[session.exclude]
         key = choice_key(session)
 
-        def make_tables() -> list[dict[str, Any]]:
-            profiles = noisy_profiles(services, choices, noise)
-            return services.shared(
-                ("cumulative", *key),
-                lambda: cumulative_tables(
-                    profiles,
-                    noise,
-                    rules=rules,
-                    redraw=lambda number: noisy_profiles(services, choices, noise, number),
-                ),
-            )
-
-        def make_curves() -> dict[int, Growth]:
-            def compute() -> dict[int, Growth]:
-                profiles = noisy_profiles(services, choices, noise)
-                pdfs, found = measured_evidence(profiles, noise, n_bin, rules)
-                rivals = [j for j in range(pdfs.n_models) if j != fiducial]
-                return {j: growth(pdfs, found, fiducial, j) for j in rivals}
-
-            return services.shared(("growth", n_bin, fiducial, *key), compute)
-
         if table:
             if self.tables and not self.dimmed:  # once, not at every step of a slider
                 self._write_table(waiting=True)
-            self.later_table.ask(make_tables)
-        self.later_growth.ask(make_curves)
+            self.later_table.ask(
+                partial(pieces.tables_of, services, choices, noise, rules), key=("cumulative", *key)
+            )
+        self.later_growth.ask(
+            partial(pieces.growth_of, services, choices, noise, n_bin, rules, fiducial),
+            key=("growth", n_bin, fiducial, *key),
+        )
 
     def _show_table(self, tables: list[dict[str, Any]]) -> None:
         self.tables = tables

@@ -152,6 +152,7 @@ def same_arm(one: StreamModel, other: StreamModel) -> bool:
 
 def training(services: Services, model: StreamModel, prior: str, design: Design) -> tuple[Hashable, Compute]:
     """Key and computation of an oracle for somebody's own bins, for `app.work.tasks.Work.ask`."""
+    cache, nice = services.cache, services.jobs.limits.nice
 
     def compute(progress: Callable[[int, int], None], should_stop: Callable[[], bool]) -> Oracle:
         first = 0
@@ -171,9 +172,9 @@ def training(services: Services, model: StreamModel, prior: str, design: Design)
             PRIORS[prior],
             model,
             design,
-            services.cache,
+            cache,
             progress=report,
-            nice=services.jobs.limits.nice,
+            nice=nice,
         )
         return Oracle(estimator, streams, False, False)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import panel as pn
@@ -16,7 +17,7 @@ from app.pages.infer.code import Asked
 from app.pages.infer.controls import Controls
 from app.pages.infer.joined import Joined
 from app.pages.infer.parts import answer_html, methods_html, page_grid
-from app.pages.observe.reading import Reading, changes_of, file_of, read, show_example
+from app.pages.observe.reading import Reading, changes_of, file_of, read_for, show_example
 from app.pages.observe.state import AUTO, LINKED, Upload
 from app.services.services import Unavailable
 from app.ui.study import TaskControls
@@ -53,8 +54,9 @@ class InferPage(Page):
         self.cutting = TaskControls("Halve the stretch", self.cut, self._keep_whole, "infer-cut")
         self.cards = Cards(self._asked, self.cutting.view)
         self.later_file = Later(self.services, self._show_reading, self._refuse)
-        self.later_rows = Later(self.services, self.cards.show_rows, self.cards.fail_rows)
-        self.later_ranks = Later(self.services, self.cards.show_ranks, self.cards.fail_ranks)
+        here = self.services.here
+        self.later_rows = Later(self.services, self.cards.show_rows, self.cards.fail_rows, here)
+        self.later_ranks = Later(self.services, self.cards.show_ranks, self.cards.fail_ranks, here)
         self.answer = html("sd-answer")
         self.problem = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.joined = Joined(self.session)
@@ -272,8 +274,7 @@ class InferPage(Page):
         self.controls.status.text = "" if file is None else "Reading …"
         self._answer()
         if file is not None:
-            changes, geometry = changes_of(self.session), self.services.geometry(self.model)
-            self.later_file.ask(lambda: read(file, changes, geometry))
+            self.later_file.ask(partial(read_for, self.services, self.model, file, changes_of(self.session)))
 
     def _show_reading(self, reading: Reading) -> None:
         self.reading = reading

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import panel as pn
@@ -13,6 +14,7 @@ from app.pages.learn.state import FLYBYS_MAX, HAND
 from app.ui.browser import LiveText
 from app.ui.player import Player
 from app.work.later import Later
+from app.work.pieces import film_of
 from streamdash.config import StreamModel
 from streamdash.engine.flyby import Film, kick_along_stream
 from streamdash.engine.geometry import Geometry
@@ -90,7 +92,9 @@ class FlybyLesson:
                 live.move(x, y)
             self.film_card.say(WAITING, ready=False)
             scene = self.scene
-            self.later.ask(lambda: self._make_film(scene))
+            self.later.ask(
+                partial(film_of, self.services, self.stream, scene), key=("film", self.stream.key, scene)
+            )
         elif "noise" in changed:
             self._see()
         if changed & (CHANGES | {"noise"}):

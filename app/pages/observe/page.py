@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import panel as pn
@@ -28,7 +29,7 @@ from app.pages.observe.reading import (
     example_words,
     file_of,
     question,
-    read,
+    read_for,
     show_example,
     trials,
 )
@@ -205,8 +206,7 @@ class ObservePage(Page):
             self.read_part.visible = self.controls.view.visible = False
             return
         changes = changes_of(self.session)
-        geometry = self.services.geometry(self.model)
-        self.later.ask(lambda: read(file, changes, geometry))
+        self.later.ask(partial(read_for, self.services, self.model, file, changes))
 
     def _show_reading(self, reading: Reading) -> None:
         self.reading = reading
@@ -255,8 +255,7 @@ class ObservePage(Page):
     def _try_others(self) -> None:
         """Ask what would change the answer, in the background: the answer does not wait for it."""
         self.holds.write("")
-        geometry = self.services.geometry(self.model)
-        asked = trials(self.services, self.session.ensembles, self.reading, geometry, self.expected)
+        asked = trials(self.services, self.session.ensembles, self.reading, self.expected)
         self.trying.follow(self.services.work.ask(*asked))
 
     def _show_trials(self, task: Task) -> None:

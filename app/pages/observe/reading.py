@@ -5,16 +5,17 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from app.pages.observe.state import AUTO, LINKED, ObserveState, Upload
-from app.services.services import Services
+from app.services.results import Results
 from app.session.catalog import Choice
 from app.session.session import Session
-from app.work.tasks import Compute
-from streamdash.config import ConfigError, StreamModel
+from app.work.pool import Compute
+from streamdash.config import ConfigError, EnsembleConfig, StreamModel
 from streamdash.engine.geometry import Geometry
 from streamdash.observe.guess import Assumptions, assume, guess
 from streamdash.observe.observation import Observation, interpret
@@ -80,6 +81,11 @@ def example_words(model: StreamModel) -> str:
     return "Try the example" + ("" if model == home else f", of the {stream_of(home).title} stream")
 
 
+def read_for(results: Results, stream: StreamModel, upload: Upload, changes: Mapping[str, Any]) -> Reading:
+    """`read` for a stream whose geometry is in the cache."""
+    return read(upload, changes, results.geometry(stream))
+
+
 def read(upload: Upload, changes: Mapping[str, Any], geometry: Geometry) -> Reading:
     """Read a file under a session's assumptions; what is wrong becomes a sentence."""
     source = Source.of(upload.data, upload.name)
@@ -99,33 +105,47 @@ def read(upload: Upload, changes: Mapping[str, Any], geometry: Geometry) -> Read
 
 
 def question(
-    services: Services, choices: Sequence[Choice], observation: Observation
+    services: Results, choices: Sequence[Choice], observation: Observation
 ) -> tuple[Hashable, Compute]:
     """Key and computation of the verdict on an observation, for `app.work.tasks.Work.ask`."""
     keys = [choice.key for choice in choices]
     sha = hashlib.sha256(repr(observation.stated).encode())
     sha.update(observation.design.key.encode() + observation.q.tobytes())
 
-    def compute(progress: Callable[[int, int], None], should_stop: Callable[[], bool]) -> Outcome:
-        prepared = prepare(services.cache, keys, observation.design, progress, should_stop)
-        result = report(judge(prepared, observation), observation, prepared)
-        return Outcome(observation, result, prepared.bands())
+    return ("observe", sha.hexdigest(), *keys), partial(answer_to, services, keys, observation)
 
-    return ("observe", sha.hexdigest(), *keys), compute
+
+def answer_to(
+    results: Results,
+    keys: Sequence[str],
+    observation: Observation,
+    progress: Callable[[int, int], None],
+    should_stop: Callable[[], bool],
+) -> Outcome:
+    """The verdict on an observation; a worker process computes it."""
+    prepared = prepare(results.cache, keys, observation.design, progress, should_stop)
+    result = report(judge(prepared, observation), observation, prepared)
+    return Outcome(observation, result, prepared.bands())
 
 
 def trials(
-    services: Services, choices: Sequence[Choice], reading: Reading, geometry: Geometry, key: Hashable
+    results: Results, choices: Sequence[Choice], reading: Reading, key: Hashable
 ) -> tuple[Hashable, Compute]:
     """Key and computation of the table of robustness of a question, for `app.work.tasks.Work.ask`."""
     configs = [choice.config for choice in choices]
-    table, assumptions = reading.table, reading.assumptions
-    assert table is not None and assumptions is not None
+    assert reading.table is not None and reading.assumptions is not None
+    return ("robustness", key), partial(tried, results, configs, reading.table, reading.assumptions)
 
-    def compute(
-        progress: Callable[[int, int], None], should_stop: Callable[[], bool]
-    ) -> list[dict[str, Any]]:
-        rows = variants(table, assumptions, geometry, configs, other_sets(services.cache, configs))
-        return robustness(services.cache, rows, progress, should_stop)
 
-    return ("robustness", key), compute
+def tried(
+    results: Results,
+    configs: Sequence[EnsembleConfig],
+    table: Table,
+    assumptions: Assumptions,
+    progress: Callable[[int, int], None],
+    should_stop: Callable[[], bool],
+) -> list[dict[str, Any]]:
+    """The table of robustness; a worker process computes it."""
+    geometry = results.geometry(configs[0].stream)
+    rows = variants(table, assumptions, geometry, configs, other_sets(results.cache, configs))
+    return robustness(results.cache, rows, progress, should_stop)

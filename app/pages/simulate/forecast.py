@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from loky import cpu_count
 
-from app.services.services import Services, Unavailable
+from app.services.results import Results, Unavailable
 from streamdash.classifier.data import Cancelled
 from streamdash.config import EnsembleConfig
 from streamdash.engine.geometry import Geometry
@@ -18,8 +18,7 @@ from streamdash.engine.impacts import expected_impacts
 from streamdash.simulation.jobs import JobStatus
 from streamdash.simulation.limits import Limits
 from streamdash.simulation.preview import Preview, coarse_preview, coarse_text, expectation, preview
-from streamdash.simulation.workers import in_process
-from streamdash.store.cache import Entry
+from streamdash.store.cache import Cache, Entry
 from streamdash.survey.bands import Bands, bin_angles, compute
 from streamdash.words import is_or_are, number_of
 
@@ -40,7 +39,8 @@ class Forecast:
     geometry_s : estimated seconds for the stream's geometry; 0 when it is there, NaN when unknown.
     n_done : streams of its own entry that are finished.
     covering : entry that holds all its streams already.
-    finished : finished streams, at most `SHOWN_MAX`; None when there are none.
+    n_shown : how many finished streams the panel shows, at most `SHOWN_MAX`.
+    panel : the streams there are, for the figure; None when there are none.
     impacts : expected per stream of every component; empty when the geometry is not there.
     """
 
@@ -49,48 +49,54 @@ class Forecast:
     geometry_s: float
     n_done: int
     covering: Entry | None
-    finished: xr.Dataset | None
+    n_shown: int
+    panel: Bands | None
     impacts: tuple[float, ...] = ()
 
 
-def look_ahead(services: Services, config: EnsembleConfig) -> Forecast:
-    """Expected impacts, time and first streams; takes about a second, or some where a geometry is missing.
+def look_ahead(results: Results, configs: Sequence[EnsembleConfig], workers: int) -> tuple[Forecast, ...]:
+    """Expected impacts, time and first streams of every arm; a second or so each.
 
     Raises
     ------
     ValueError
         When galpy cannot build the stream.
     """
-    cache = services.cache
+    return tuple(_forecast(results, config, workers) for config in configs)
+
+
+def _forecast(results: Results, config: EnsembleConfig, workers: int) -> Forecast:
+    cache = results.cache
     first = config.model_copy(update={"n_streams": PREVIEWED})
     try:
-        geometry: Geometry | None = services.geometry(config.stream)
+        geometry: Geometry | None = results.geometry(config.stream)
     except Unavailable:
         geometry = None
     if geometry is None:
-        impacts = services.shared(("expectation", first.key), lambda: in_process(expectation, first))
+        impacts = results.shared(("expectation", first.key), lambda: expectation(first))
         glimpse = Preview(impacts, float("nan"), None)
     else:
         known = geometry
-        glimpse = services.shared(("preview", first.key), lambda: preview(first, known, PREVIEWED))
+        glimpse = results.shared(("preview", first.key), lambda: preview(first, known, PREVIEWED))
     covering = cache.covering(config)
     finished = cache.open_finished(covering.key if covering else config.key, SHOWN_MAX)
     if finished is not None:  # a larger ensemble may have more
         finished = finished.isel(stream=finished.stream.values < config.n_streams)
     return Forecast(
         config,
-        glimpse,
-        0.0 if geometry is not None else _geometry_seconds(services, config),
+        dataclasses.replace(glimpse, streams=None),
+        0.0 if geometry is not None else _geometry_seconds(cache, config, workers),
         cache.streams_done(config),
         covering,
-        finished,
+        0 if finished is None else finished.sizes["stream"],
+        panel_of(config, glimpse.streams, finished),
         tuple(expected_impacts(geometry, part) for part in config.population.components) if geometry else (),
     )
 
 
-def n_workers(services: Services) -> int:
+def n_workers(limits: Limits) -> int:
     """Worker processes of this server, as far as it knows."""
-    return services.jobs.limits.workers or cpu_count()
+    return limits.workers or cpu_count()
 
 
 def panel_of(config: EnsembleConfig, glimpse: xr.Dataset | None, finished: xr.Dataset | None) -> Bands | None:
@@ -182,10 +188,10 @@ def words_before(forecast: Forecast, workers: int) -> str:
 def words_curves(forecast: Forecast, panel: Bands) -> str:
     """What the figure shows now."""
     along = "density relative to the smooth stream, Qρ, along the parallel angle θ∥"
-    if forecast.finished is None:
+    if not forecast.n_shown:
         first = number_of(len(panel.streams), "stream")
         return f"The {along}, of the first {first}, as they will be simulated; too few for a band."
-    count = forecast.finished.sizes["stream"]
+    count = forecast.n_shown
     if count < FEWEST_FOR_BAND:
         return (
             f"{number_of(count, 'finished stream')} of {forecast.config.n_streams}: {along}. Too few for a "
@@ -240,12 +246,12 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
-def _geometry_seconds(services: Services, config: EnsembleConfig) -> float:
+def _geometry_seconds(cache: Cache, config: EnsembleConfig, workers: int) -> float:
     """Seconds that a geometry will take, from what those in the cache took per impact time."""
     costs = [
         entry.cost_s / len(entry.config.impact_times_gyr)
-        for entry in services.cache.entries()
+        for entry in cache.entries()
         if entry.kind == "geometry" and entry.state == "complete" and entry.cost_s
     ]
-    missing = len(config.stream.impact_times_gyr) - services.cache.times_done(config.stream)
-    return float(np.median(costs)) * missing / n_workers(services) if costs else float("nan")
+    missing = len(config.stream.impact_times_gyr) - cache.times_done(config.stream)
+    return float(np.median(costs)) * missing / workers if costs else float("nan")

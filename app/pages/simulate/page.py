@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import pandas as pd
 import panel as pn
@@ -27,20 +27,22 @@ from app.pages.simulate.knobs import BY_NAME, MORE, NAMED, config_of, configs_of
 from app.pages.simulate.parts import Components, Others, Progress, knobs, presets
 from app.services.services import Unavailable
 from app.session.catalog import CLASSES_MAX
+from app.session.visitor import this_visitor
 from app.work.later import REST_S, Later
 from app.work.tasks import Task, Watch
 from streamdash.config import ConfigError, EnsembleConfig
 from streamdash.plots import profiles
 from streamdash.plots.live import LiveFigure, export
 from streamdash.simulation.jobs import JobStatus, Refused
-from streamdash.simulation.preview import Preview, coarse_config
+from streamdash.simulation.preview import coarse_config
 from streamdash.streams import stream_text
 from streamdash.survey.bands import Bands
 
-LOOK_MS = 300
+LOOK_S = 0.5
+"""Least time between two looks at the jobs."""
 TEXTS = frozenset({NAMED, *BY_NAME})
 """Parameters of the session that describe a simulation."""
-REDRAW_S = 1.0
+REDRAW_S = 2.0
 """Curves are drawn no more often than this while streams are finished, for the sake of other pages."""
 INKED = (profiles.MEDIAN, profiles.SMOOTH)
 LEGEND = (
@@ -69,8 +71,7 @@ class SimulatePage(Page):
         self._asked: tuple = ()
         self._waiting = self._closed = False
         self._drawn = -math.inf
-        self._seen = -1
-        self._timer: Any = None
+        self._leave: Callable[[], None] | None = None
         self.later = Later(self.services, self._show_forecasts, self._fail)
         self.components = Components(lambda texts: self.session.param.update(**texts))
         self.progress = Progress(self.start, self.cancel, self.see_profiles, self.preview)
@@ -112,9 +113,9 @@ class SimulatePage(Page):
         self._closed = True
         self.later.cancel()
         self.watch.leave()
-        if self._timer is not None:
-            self._timer.stop()
-            self._timer = None
+        if self._leave is not None:
+            self._leave()
+            self._leave = None
         super().close()
 
     # ------------------------------------------------------------ actions
@@ -122,8 +123,9 @@ class SimulatePage(Page):
     def start(self) -> None:
         """Start or resume what the knobs say, or join those who wait for the same."""
         try:
+            place, _ = this_visitor()
             for config in self.configs:
-                self.services.jobs.submit(config, self.session.visitor, self.session.sim_title)
+                self.services.jobs.submit(config, self.session.visitor, self.session.sim_title, place)
         except Refused as refusal:
             self.progress.refuse(str(refusal))
         else:
@@ -138,11 +140,7 @@ class SimulatePage(Page):
 
     def preview(self) -> None:
         """Have streams of a coarse geometry computed: seconds where the true one takes minutes."""
-        configs, limits = self.configs, self.services.jobs.limits
-
-        def compute(progress: Any, should_stop: Any) -> list[Preview]:
-            return coarse_previews(configs, limits, progress, should_stop)
-
+        compute = partial(coarse_previews, self.configs, self.services.jobs.limits)
         self.watch.follow(self.services.laboratory.ask(self._coarse_key(), compute))
 
     def _coarse_key(self) -> tuple[str, ...]:
@@ -198,14 +196,9 @@ class SimulatePage(Page):
         self.progress.see.visible = self._complete_key() is not None
 
     def _look_on(self) -> None:
-        if not self._closed and self._timer is None:
-            self._timer = pn.state.add_periodic_callback(self.look_if_new, LOOK_MS)
-
-    def look_if_new(self) -> None:
-        """`look`, unless nothing can have changed; called by a timer on the session's event loop."""
-        version, status = self.services.jobs.version, self._status()
-        if version != self._seen or (status is not None and status.active):
-            self._seen = version
+        if not self._closed and self._leave is None:
+            jobs = self.services.jobs
+            self._leave = self.services.bell.follow(lambda: jobs.version, self.look, LOOK_S)
             self.look()
 
     def _status(self) -> JobStatus | None:
@@ -275,8 +268,12 @@ class SimulatePage(Page):
 
     def _ask(self, about: tuple, rest_s: float = REST_S) -> None:
         configs, services = self.configs, self.services
+        # Those who watch the same jobs share what is shown of them.
+        who = "" if about else self.session.visitor
+        key = ("forecast", *(config.key for config in configs), who, *about)
         self._asked, self._waiting = about, True
-        self.later.ask(lambda: tuple(look_ahead(services, config) for config in configs), rest_s)
+        compute = partial(look_ahead, services, configs, n_workers(services.jobs.limits))
+        self.later.ask(compute, rest_s, key, keep=False)
 
     def _show_forecasts(self, forecasts: tuple[Forecast, ...]) -> None:
         self._waiting = False
@@ -289,19 +286,15 @@ class SimulatePage(Page):
         if status is None or status.state == "done":
             can = any(forecast.covering is None for forecast in forecasts)
             resume = can and any(forecast.covering is None and forecast.n_done > 0 for forecast in forecasts)
-            workers = n_workers(self.services)
+            workers = n_workers(self.services.jobs.limits)
             words = [self._which(one.config) + words_before(one, workers) for one in forecasts]
             self.progress.announce(" ".join(words), can, resume)
         lacking = any(forecast.geometry_s for forecast in forecasts)
         self.progress.coarse.visible = bool(same and lacking and self.services.jobs.limits.max_jobs)
         if self.watch.following is None or not lacking:
-            panels = [panel_of(one.config, one.preview.streams, one.finished) for one in forecasts]
-            shown = [panel for panel in panels if panel is not None]
-            self._draw(shown)
-            if shown:
-                pairs = [
-                    (one, panel) for one, panel in zip(forecasts, panels, strict=True) if panel is not None
-                ]
+            pairs = [(one, one.panel) for one in forecasts if one.panel is not None]
+            self._draw([panel for _, panel in pairs])
+            if pairs:
                 words = [self._which(one.config) + words_curves(one, panel) for one, panel in pairs]
                 self.card.say(" ".join(words))
         self.look()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import panel as pn
@@ -10,18 +11,18 @@ from panel.viewable import Viewable
 from app import ui
 from app.page import Page
 from app.pages.spectrum.parts import STYLE, statements_html, statistics_study
-from app.services.comparison import noisy_profiles
 from app.services.services import Services
 from app.session.catalog import Choice
 from app.session.listing import code_head, ensembles_code
 from app.session.session import Session
 from app.ui.study import StudyCard
+from app.work import pieces
 from app.work.later import Later
 from streamdash.classifier.data import ClassifierError
 from streamdash.config import EnsembleConfig
 from streamdash.plots import spectrum
 from streamdash.plots.live import LiveFigure, export
-from streamdash.statistics.bispectrum import Bispectrum, bispectrum
+from streamdash.statistics.bispectrum import Bispectrum
 from streamdash.statistics.spectra_in_noise import Shown, show
 from streamdash.statistics.spectrum import NoisySpectra, SpectrumBand, observed_spectra, shot_noise_level
 from streamdash.survey.design import Design
@@ -249,10 +250,8 @@ class SpectrumPage(Page):
         services, choices, noise = self.services, self.choices, self.session.noise
         step, keys = self._design().step, tuple(choice.key for choice in self.choices)
 
-        def compute() -> list[Bispectrum]:
-            return [bispectrum(q, step) for q in noisy_profiles(services, choices, noise)]
-
-        self.later.ask(lambda: services.shared(("bispectra", *keys, noise), compute))
+        compute = partial(pieces.bispectra, services, choices, noise, step)
+        self.later.ask(compute, key=("bispectra", *keys, noise))
 
     def _show_bispectra(self, bispectra: list[Bispectrum]) -> None:
         self.bispectra = bispectra

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
+from functools import partial
 
 from markupsafe import Markup
 
@@ -13,7 +14,8 @@ from app.services.services import Services
 from app.session.listing import ensembles_code
 from app.session.session import Session
 from app.ui.study import Study
-from app.work.tasks import Compute
+from app.work.pieces import on_streams
+from app.work.pool import Compute
 from app.work.training import streams_of
 from streamdash.config import EnsembleConfig
 from streamdash.paper.statistics import Kept, compare_statistics, ln_b_text
@@ -85,9 +87,8 @@ def statistics_study(services: Services, session: Session) -> Study:
     def question() -> tuple[Hashable, Compute]:
         noise = session.noise
         keys = tuple(choice.key for choice in session.ensembles)
-        return ("statistics", *keys, noise), lambda progress, should_stop: compare_statistics(
-            streams, noise, progress=progress, should_stop=should_stop
-        )
+        compute = partial(on_streams, compare_statistics, services, session.ensembles, (noise,))
+        return ("statistics", *keys, noise), compute
 
     def code() -> str:
         return (
