@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -18,6 +19,9 @@ from app.ui.templates import Html, fill, literally
 
 WIDE = "stretch_width"
 CODE_STYLE = "pre { margin: 0; padding: 4px 16px; overflow-x: auto; font-size: 13px; line-height: 1.45; }"
+FORMULAS = frozenset("=+-@")
+"""What a cell begins with that spreadsheets compute."""
+CONTROLS = re.compile(r"[\x00-\x1f\x7f]+")
 CARD = {"padding": "12px 16px", "border": "1px solid var(--mui-palette-divider)", "border-radius": "4px"}
 """Frame of a figure and what belongs to it. A component's Paper looks the same, but the figures in it
 are painted 0.3 s later."""
@@ -50,6 +54,25 @@ def figure_grid(figures: Sequence[UIElement | Viewable], narrowest: int = 330) -
         pn.Column(pane, margin=0, styles={"flex": f"1 1 {narrowest}px", "min-width": "0"}) for pane in panes
     ]
     return pn.FlexBox(*cells, gap="12px", sizing_mode=WIDE, margin=0)
+
+
+def csv_of(table: pd.DataFrame) -> bytes:
+    """A table as CSV that spreadsheets show: a text that they would compute begins with an apostrophe.
+
+    Names of ensembles come from imported files, and ``=HYPERLINK(…)`` in a cell is a formula.
+    """
+    plain = table.rename(columns=_not_a_formula)
+    for i in range(plain.shape[1]):
+        if not pd.api.types.is_numeric_dtype(plain.dtypes.iloc[i]):
+            plain.isetitem(i, [_not_a_formula(value) for value in plain.iloc[:, i]])
+    return plain.to_csv(index=False, float_format="%.6g").encode()
+
+
+def _not_a_formula(value: Any) -> Any:
+    if not isinstance(value, str):
+        return value
+    line = CONTROLS.sub(" ", value)  # a lone carriage return would begin a new row
+    return f"'{line}" if line[:1] in FORMULAS and line[1:] else line
 
 
 class FigureCard:
@@ -97,7 +120,7 @@ class FigureCard:
         self.files = {
             "png": lambda: image("png"),
             "svg": lambda: image("svg"),
-            "csv": lambda: table().to_csv(index=False, float_format="%.6g").encode(),
+            "csv": lambda: csv_of(table()),
         }
         self._downloads = [
             download(f"streamdash-{name}.{kind}", kind, make, disabled=True)

@@ -13,6 +13,7 @@ import io
 import os
 import shutil
 import tempfile
+import time
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,9 @@ ARRAY_NAMES = ("mean", "scale", "components", "variance")
 MAX_FILE_BYTES = 64 * 2**20
 """No file of a model is as large as this; larger ones are refused unread."""
 MAX_MODELS = 30
+ASIDE = ".new-"
+LEFT_S = 3600.0
+"""A folder that is written aside and is older than this was left by a process that was killed."""
 
 
 class ModelFileError(ValueError):
@@ -71,7 +75,7 @@ class ModelStore:
         """Models there are, the last used first."""
         if not self.directory.is_dir():
             return []
-        folders = [p for p in self.directory.iterdir() if p.is_dir() and (p / CARD).is_file()]
+        folders = [p for p in self.directory.iterdir() if not p.name.startswith(".") and (p / CARD).is_file()]
         return [p.name for p in sorted(folders, key=_last_used, reverse=True)]
 
     def save(self, key: str, classifier: Classifier) -> Path:
@@ -79,7 +83,7 @@ class ModelStore:
         target = self.directory / key
         if not target.is_dir():
             self.directory.mkdir(parents=True, exist_ok=True)
-            aside = Path(tempfile.mkdtemp(prefix=".new-", dir=self.directory))
+            aside = Path(tempfile.mkdtemp(prefix=ASIDE, dir=self.directory))
             try:
                 write_model(aside, key, classifier)
                 # refused when another process was faster; its files are the same
@@ -89,8 +93,9 @@ class ModelStore:
                     raise
             finally:
                 shutil.rmtree(aside, ignore_errors=True)
-        for old in self.keys()[self.max_models :]:
-            shutil.rmtree(self.directory / old, ignore_errors=True)
+        left = [p for p in self.directory.glob(f"{ASIDE}*") if time.time() - _last_used(p) > LEFT_S]
+        for old in (*left, *(self.directory / name for name in self.keys()[self.max_models :])):
+            shutil.rmtree(old, ignore_errors=True)
         return target
 
     def open(self, key: str) -> Classifier | None:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 from html.parser import HTMLParser
 
 import panel as pn
 import pytest
 from markdown_it import MarkdownIt
+from pandas import DataFrame, read_csv
 
 from app import ui
 from app.pages.registry import PAGES
 from app.session.session import Session
 from app.shell import Shell
+from app.ui.layout import csv_of
 from app.ui.templates import TEMPLATES, fill, literally
 from streamdash.plots import report_html
 
@@ -116,3 +119,28 @@ def test_every_template_compiles_and_escapes(templates):
         source = templates.loader.get_source(templates, name)[0]
         assert "|safe" not in source.replace(" ", "") and "autoescape" not in source
     assert templates.from_string("{{ x }}").render(x="<b>") == "&lt;b&gt;"
+
+
+@pytest.mark.parametrize(
+    "evil",
+    [
+        '=HYPERLINK("http://e/";"x")',
+        "@SUM(A1)",
+        "+1+cmd|' /C calc'!A0",
+        "-2+3",
+        "\t=1",
+        "\r=1",
+        "\n=1",
+        "a\r=1",
+        "a\n=1,=2",
+    ],
+)
+def test_names_in_downloaded_tables_are_no_formulas(evil):
+    table = DataFrame({evil: [-1.5, 2.0], "name": [evil, "-"], "mixed": [evil, -3], "count": [-1, 2]})
+    data = csv_of(table)
+    read = read_csv(io.BytesIO(data), keep_default_na=False)
+    cells = [*read.columns, *read.name, read.mixed[0]]
+    assert [cell for cell in cells if cell[:1] in "=+@-\t\r\n" and cell != "-"] == []
+    assert list(read.iloc[:, 0]) == [-1.5, 2.0] and list(read["count"]) == [-1, 2]
+    assert read.mixed[1] == "-3" and read.name[1] == "-"
+    assert list(table.name) == [evil, "-"], "the page's own table stays"

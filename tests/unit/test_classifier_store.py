@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import resource
+import signal
 import subprocess
 import sys
 
@@ -191,3 +193,42 @@ def test_key_cannot_leave_the_folder(tmp_path):
     (tmp_path / "secret").mkdir()
     (tmp_path / "secret" / "card.json").write_text("{}")
     assert store.open("../secret") is None
+
+
+# ------------------------------------------------------------------ killed, or no room
+
+
+def test_a_process_killed_while_it_saves_leaves_no_model_and_nothing_for_long(tmp_path, folder, classifier):
+    """It is killed at the worst moment: all files are written, their folder has no name yet."""
+    store = ModelStore(tmp_path / "models")
+    code = f"""
+import os, signal
+from pathlib import Path
+from streamdash.classifier.store import ModelStore, read_model
+Path.rename = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+ModelStore(Path({str(store.directory)!r})).save("a" * 16, read_model(Path({str(folder)!r})))
+"""
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -signal.SIGKILL
+    (left,) = store.directory.iterdir()
+    assert (left / "card.json").is_file()
+    assert store.keys() == [] and store.open("a" * 16) is None
+    store.save("a" * 16, classifier)
+    assert store.open("a" * 16) is not None
+    assert left.is_dir(), "another process could still be writing it"
+    os.utime(left, (0, 0))
+    store.save("b" * 16, classifier)
+    assert not left.exists() and set(store.keys()) == {"a" * 16, "b" * 16}
+
+
+def test_a_full_disk_leaves_no_part_of_a_model(tmp_path, classifier):
+    store = ModelStore(tmp_path / "models")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))  # what is written beyond is refused by the system
+    try:
+        with pytest.raises(OSError):
+            store.save("a" * 16, classifier)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert list(store.directory.iterdir()) == []
+    store.save("a" * 16, classifier)
+    assert store.open("a" * 16) is not None
