@@ -16,8 +16,7 @@ from app.work.pool import NICE, Full, Piece, Pool, plain
 from app.work.tasks import Task, Work
 from streamdash.classifier.data import Cancelled
 from streamdash.store.cache import Cache
-
-PATIENCE_S = 120
+from tests.waiting import PATIENCE_S, wait_until
 
 
 @pytest.fixture(scope="module")
@@ -34,10 +33,7 @@ def result(piece: Piece):
 
 def wait_for(path: Path) -> str:
     """What a worker has written."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not (path.exists() and path.read_text()):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    wait_until(lambda: path.exists() and path.read_text(), "the worker wrote nothing")
     return path.read_text()
 
 
@@ -129,24 +125,23 @@ def test_progress_comes_from_the_worker(pool, tmp_path):
     task: Task = Work(pool).ask("progress", partial(endless, tmp_path / "pid"))
     before = task.version
     worker = int(wait_for(tmp_path / "pid"))
-    deadline = time.monotonic() + PATIENCE_S
-    while task.fraction != 0.25:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    wait_until(lambda: task.fraction == 0.25, "no progress came")
     assert task.version > before and task.state == "running"
     os.kill(worker, signal.SIGKILL)
     task.wait()
 
 
 def gone(pid: int) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while True:
+    """Wait until a process has ended."""
+
+    def ended() -> bool:
         try:
             os.kill(pid, 0)
         except ProcessLookupError:
-            return
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+            return True
+        return False
+
+    wait_until(ended, "the process goes on")
 
 
 # ---------------------------------------------------------------- turns
