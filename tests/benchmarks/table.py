@@ -90,9 +90,11 @@ def printed(what: str, script: str, *options: str) -> Row:
     """The line that a script of this folder prints."""
     command = ["-m", f"tests.benchmarks.{script}", *options]
     done = subprocess.run(
-        [sys.executable, *command], cwd=ROOT, check=True, capture_output=True, encoding="utf-8"
+        [sys.executable, *command], cwd=ROOT, check=False, stdout=subprocess.PIPE, encoding="utf-8"
     )
-    return Row(what, done.stdout.strip().splitlines()[-1], "", " ".join(["python", *command]))
+    lines = done.stdout.strip().splitlines()
+    measured = lines[-1] if lines and not done.returncode else f"failed with status {done.returncode}"
+    return Row(what, measured, "", " ".join(["python", *command]))
 
 
 def timed(what: str, arguments: tuple[str, ...], goal: str) -> Row:
