@@ -103,6 +103,11 @@ def read_catalog(entries: Iterable[Any]) -> Catalog:
     return Catalog(_with_both(_stream(groups[key]) for key in ordered), tuple(problems), tuple(unfinished))
 
 
+def of_paper(configs: Sequence[EnsembleConfig]) -> bool:
+    """Whether classes differ from the paper's in nothing but their masses: its numbers may stand beside."""
+    return all(config.stream == StreamModel() and not differences(config) for config in configs)
+
+
 def entry_label(entry: Any) -> str:
     """Name of an ensemble for people: the one it was given, its masses, and what sets it apart."""
     return label_of(entry.config, entry.title)

@@ -17,12 +17,13 @@ from app.pages.convergence.state import ConvergenceState
 from app.pages.infer.state import InferState
 from app.pages.learn.state import LearnState
 from app.pages.observe.state import ObserveState
+from app.pages.simulate.knobs import ARM, NAMED
 from app.pages.simulate.state import SimulateState
 from app.session.catalog import CLASSES_MAX, CLASSES_MIN, Catalog, Choice, Stream
 from app.session.fields import Decimal, Field, OneOf, Whole, check_word, fields_of
 from streamdash.config import EnsembleConfig
 from streamdash.plots.style import COORDINATE_LABELS
-from streamdash.streams import bins_of
+from streamdash.streams import bins_of, named_stream
 
 QUANTITIES = {"q_rho": "Qρ", "rho": "ρ", "omega": "⟨Ω∥⟩"}
 RULE_WORDS = {"central": "central 99.8 %", "noise": "paper: 3 σ_ε", "measured": "3 own widths"}
@@ -85,7 +86,8 @@ class Session(LearnState, ObserveState, InferState, ConvergenceState, SimulateSt
     def load(self, search: str) -> None:
         """Take over a URL's query; what is missing or wrong becomes the default of its stream."""
         values, problems = read_query(search, self.pages, self.catalog)
-        defaults = defaults_of(self.catalog.stream(values["stream"]))
+        simulated = values.get(NAMED, FIELDS[NAMED].default)
+        defaults = defaults_of(self.catalog.stream(values["stream"]), simulated)
         self.param.update(**{**defaults, "page": "", **values, "problems": problems})
 
     def refresh(self, catalog: Catalog) -> None:
@@ -136,10 +138,11 @@ def looks_of(stream: Stream) -> dict[str, Any]:
     return {"x": "ell" if bins.coordinate == "ell" else OWN, "noise": bins.noise}
 
 
-def defaults_of(stream: Stream | None) -> dict[str, Any]:
-    """What links to a stream need not say."""
+def defaults_of(stream: Stream | None, simulated: str) -> dict[str, Any]:
+    """What links need not say, for the stream that is looked at and the name of that which is simulated."""
     plain = {name: field.default for name, field in FIELDS.items()}
-    return plain | (looks_of(stream) if stream is not None else {})
+    own = looks_of(stream) if stream is not None else {}
+    return plain | own | {ARM: named_stream(simulated).default_arm}
 
 
 def read_query(search: str, pages: tuple[str, ...], catalog: Catalog) -> tuple[dict[str, Any], list[str]]:
@@ -234,7 +237,7 @@ def write_query(session: Session) -> str:
             query["stream"] = stream.token
         if [c.key for c in session.ensembles] != [c.key for c in stream.default()]:
             query["mass"] = ",".join(c.token for c in session.ensembles)
-    for name, default in defaults_of(stream).items():
+    for name, default in defaults_of(stream, session.sim_stream).items():
         value = getattr(session, name)
         if value != default:
             query[name] = FIELDS[name].write(value)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.session.catalog import Catalog, read_catalog
+from app.session.catalog import Catalog, of_paper, read_catalog
 from app.session.fields import Decimal, Whole
 from app.session.session import FIELDS, OWN, Session, link_to, read_query
 from streamdash.config import EnsembleConfig, Perturbers, StreamModel
@@ -190,6 +190,21 @@ def test_a_link_names_a_stream_and_has_its_noise_and_axis_unless_it_says_otherwi
         other = link_to(session, noise=0.1, y="rho")
         assert (opened(named, other).noise, opened(named, other).y) == (0.1, "rho")
     assert (opened(named, "").noise, opened(named, "").x) == (0.1, "ell")
+
+
+def test_a_link_to_simulate_a_stream_takes_the_arm_that_is_shown_unless_it_says_otherwise(named):
+    session = opened(named, "?sim_stream=pal5")
+    assert session.sim_arm == named_stream("pal5").default_arm == "trailing"
+    assert session.search == "?sim_stream=pal5"
+    session.sim_arm = "leading"
+    assert opened(named, session.search).sim_arm == "leading"
+    assert opened(named, "").sim_arm == "leading"
+
+
+def test_the_papers_numbers_stand_beside_its_own_stream_only():
+    assert of_paper([ensemble(mass) for mass in RANGES])
+    assert not of_paper([ensemble(mass, stream=named_stream("gd1").arm()) for mass in RANGES[:2]])
+    assert not of_paper([EnsembleConfig(perturbers=Perturbers(mass_range="1e5-1e9", rs_factor=0.4))])
 
 
 def test_changing_the_stream_brings_its_own_mass_ranges(catalog):

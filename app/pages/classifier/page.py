@@ -14,6 +14,7 @@ from app.page import Page
 from app.pages.classifier.full_range import FullRange
 from app.pages.classifier.parts import STYLE, scores_html, studies_of
 from app.services.services import Unavailable
+from app.session.catalog import of_paper
 from app.ui.browser import LiveText
 from app.ui.study import StudyCard, TaskControls
 from app.work.tasks import Task, Watch
@@ -195,7 +196,7 @@ class ClassifierPage(Page):
         self.results.visible = True
         self._draw_matrix()
         self._draw_streams()
-        self.scores.write(scores_html(task.result))
+        self.scores.write(scores_html(task.result, of_paper(self.session.configs)))
         for slot, draw in ((self.roc, classifier.draw_roc), (self.calibration, classifier.draw_calibration)):
             slot[:] = [_pane(draw(task.result, "bokeh"))]
         self.card.say(classifier.matrix_sentence(task.result))

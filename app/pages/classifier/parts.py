@@ -39,10 +39,10 @@ tbody tr + tr > * { border-top: 1px solid #80808060; }
 CURVE_LEGEND = (("line", "recall per class"), ("grey", "accuracy over all classes"))
 
 
-def scores_html(judged: Judged) -> Markup:
-    """Precision, recall, F₁, accuracy and AUC per class with 68 % intervals, the paper's beneath."""
+def scores_html(judged: Judged, beside_paper: bool) -> Markup:
+    """Precision, recall, F₁, accuracy and AUC per class with 68 % intervals; the paper's beneath if asked."""
     labels = judged.classifier.card.labels
-    paper = paper_scores(labels) or {}
+    paper = (paper_scores(labels) if beside_paper else None) or {}
     scores = judged.scores
     # The paper gives whole percents for two classes, and "≳" for three.
     sign = "" if len(labels) == 2 else "≳ "

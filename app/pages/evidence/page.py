@@ -12,10 +12,11 @@ from app import ui
 from app.page import Page
 from app.pages.evidence.parts import STYLE, evidence_table
 from app.services.comparison import choice_key, shared_comparison
+from app.session.catalog import PAPER_RANGES, of_paper
 from app.session.listing import code_head, ensembles_code
 from app.work import pieces
 from app.work.later import Later
-from streamdash.naming import class_labels, differences
+from streamdash.naming import class_labels
 from streamdash.paths import DOCS
 from streamdash.plots import cumulative, evidence
 from streamdash.plots.live import LiveFigure, export
@@ -30,7 +31,6 @@ LEGEND = (
 )
 WAITING = "Computing …"
 DIFFERENCES = DOCS / "differences.md"
-PAPER_RANGES = ["1e3-1e5", "1e5-1e9"]
 
 
 class EvidencePage(Page):
@@ -74,7 +74,7 @@ class EvidencePage(Page):
     def is_paper(self) -> bool:
         """Whether the classes are the paper's two, so that its table can stand beside ours."""
         chosen = self.session.configs
-        return [c.population.label for c in chosen] == PAPER_RANGES and not any(map(differences, chosen))
+        return tuple(c.population.label for c in chosen) == PAPER_RANGES and of_paper(chosen)
 
     def update(self, changed: frozenset[str]) -> None:
         if "theme" in changed and self.live_chart is not None:

@@ -168,9 +168,12 @@ class SpectrumPage(Page):
         return "" if self.arm is None else f"-{self.choices[0].config.stream.arm}"
 
     def _make_cards(self, count: int) -> None:
+        figure = self.live["density"].figure
+        below = pn.Column(pn.pane.Bokeh(figure, sizing_mode=ui.WIDE, margin=0), self.statements, margin=0)
         self.card = ui.FigureCard(
             "Power spectrum of the density",
-            [self.live["density"].figure, self.statements],
+            # Beside another arm the table has its place under the figure.
+            [figure, self.statements] if self.arm is None else below,
             name=f"spectrum{self._suffix}",
             image=lambda kind: export(self._figure("density"), kind),
             table=lambda: spectrum.table(self.data, self.configs, ["density"]),
