@@ -31,6 +31,10 @@ class Page:
     """Name in links (``?page=key``)."""
     title: ClassVar[str]
     """Name in the navigation."""
+    group: ClassVar[str] = ""
+    """Group of the navigation it stands in."""
+    question: ClassVar[str] = ""
+    """What the page answers: its heading."""
     uses: ClassVar[frozenset[str]] = frozenset()
     """Names of the `Session` parameters that `update` wants to hear about."""
     needs_ensembles: ClassVar[bool] = True

@@ -12,7 +12,7 @@ from app import ui
 from app.page import Page
 from app.services.services import Services, Unavailable
 from app.session.session import Session
-from app.ui.browser import AddressBar
+from app.ui.browser import AddressBar, Navigation
 from streamdash.store.cache import StoreError
 
 logger = logging.getLogger(__name__)
@@ -51,16 +51,16 @@ class Shell:
         self.page: Page | None = None
         self.address = AddressBar(search=session.search, width=0, height=0, margin=0)
         self.messages = pn.Column(margin=0, sizing_mode="stretch_width")
-        self.slots = {key: pn.Column(sizing_mode="stretch_width", margin=0) for key in self.pages}
-        self.tabs = ui.navigation(
-            [(page.title, self.slots[key]) for key, page in self.pages.items()], self._position()
+        self.slot = pn.Column(sizing_mode="stretch_width", margin=0)
+        self.navigation = Navigation(groups=_groups(pages), page=self.key, css_classes=["sd-nav"])
+        self.view = ui.page_frame(
+            [self.address, self.messages, self.slot], session.theme == "dark", [self.navigation]
         )
-        self.view = ui.page_frame([self.address, self.messages, self.tabs], session.theme == "dark")
         self._say_problems()
         soon(self._show)
         session.param.watch(self._changed, [n for n in session.param if n not in ("name", "problems")])
         session.param.watch(lambda _: self._say_problems(), ["problems", "catalog"])
-        self.tabs.param.watch(self._navigated, "active")
+        self.navigation.param.watch(self._navigated, "page")
         self.view.param.watch(self._toggled, "dark_theme")
         self.address.param.watch(self._moved_in_history, "search")
 
@@ -69,13 +69,13 @@ class Shell:
         """Key of the page that is wanted; the first where the session names none."""
         return self.session.page or next(iter(self.pages))
 
-    def _position(self) -> int:
-        return list(self.pages).index(self.key)
-
     def _navigated(self, event: Any) -> None:
-        key = list(self.pages)[event.new]
-        if key != self.key:
-            self.session.page = key
+        if event.new == self.key:
+            return
+        if event.new in self.pages:
+            self.session.page = event.new
+        else:  # a hand-made message from the browser
+            self.navigation.page = self.key
 
     def _toggled(self, event: Any) -> None:
         self.session.theme = "dark" if event.new else "default"
@@ -86,9 +86,8 @@ class Shell:
 
     def _changed(self, *events: Any) -> None:
         changed = frozenset(event.name for event in events)
-        # First, and by itself: Bokeh cannot lay out a figure that arrives in a tab which is not open yet.
-        self.tabs.active = self._position()
         with pn.io.hold():
+            self.navigation.page = self.key
             if changed & STRUCTURE:
                 self._show()
             elif self.page is not None and changed & self.page.uses:
@@ -102,21 +101,20 @@ class Shell:
     def _show(self) -> None:
         """Close the page that is open and build the one that is wanted."""
         self.close()
-        for slot in self.slots.values():
-            slot.clear()
-        slot = self.slots[self.key]
+        slot = self.slot
+        slot.clear()
         wanted = self.pages[self.key]
         if wanted.needs_ensembles and not self.session.ensembles:
             slot[:] = [ui.no_ensembles()]
             return
-        stream = self.session.catalog.stream(self.session.stream)
+        stream, caveats = self.session.catalog.stream(self.session.stream), []
         if wanted.needs_ensembles and stream is not None:
             if stream.arms and wanted.one_arm:
                 slot[:] = [ui.one_arm(stream, wanted.one_arm, self.session.choose_stream)]
                 return
-            slot.append(ui.stream_caveats(stream.model))
+            caveats = [ui.stream_caveats(stream.model)]
         page = self.page = wanted(self.session, self.services)
-        self._attempt(lambda: slot.append(page.view()))
+        self._attempt(lambda: slot.extend([page.view(), *caveats]))
 
     def _attempt(self, action: Callable[[], Any]) -> None:
         """Run a page's code; what goes wrong becomes a sentence, never a traceback in the page."""
@@ -130,7 +128,7 @@ class Shell:
         else:
             return
         self._abandon()
-        self.slots[self.key][:] = [ui.error_state(sentence)]
+        self.slot[:] = [ui.error_state(sentence)]
 
     def _abandon(self) -> None:
         """Let go of a page that has failed, perhaps before it had all that its `close` ends."""
@@ -150,3 +148,11 @@ class Shell:
         if self.page is not None:
             self.page.close()
             self.page = None
+
+
+def _groups(pages: Sequence[type[Page]]) -> list[Any]:
+    """Pages as `Navigation` takes them: those of a group together; the first is behind the app's name."""
+    groups: dict[str, list[list[str]]] = {}
+    for page in pages[1:]:
+        groups.setdefault(page.group, []).append([page.key, page.title])
+    return [[name, listed] for name, listed in groups.items()]

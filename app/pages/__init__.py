@@ -6,11 +6,13 @@ Make ``app/pages/<key>/page.py`` with a class derived from `app.page.Page`, and 
 `app.pages.registry.PAGES`::
 
     class PdfPage(Page):
-        key, title = "pdf", "PDF"
+        key, title, group = "pdf", "PDF", "Explore"
+        question = "How often does each density occur?"
         uses = frozenset({"mass", "stream", "noise", "n_bin", "theme"})
 
         def view(self):
             data = self._data()
+            self.opening = ui.Opening(self.question)
             self.live = LiveFigure(pdf_figure(data))            # streamdash.plots.live
             self.card = ui.FigureCard(                          # heading, figure, sentence, downloads
                 "PDF of density fluctuations", self.live.figure, name="pdf",
@@ -20,8 +22,9 @@ Make ``app/pages/<key>/page.py`` with a class derived from `app.page.Page`, and 
             )
             self.card.say(pdf_sentence(data))
             return ui.page_layout(
-                ui.controls(ui.ensemble_picker(self), ui.noise_slider(self)),
                 self.card.view,
+                opening=self.opening,                           # the page's question, its answer now
+                panel=ui.side_panel([ui.noise_slider(self)], [ui.ensemble_picker(self)]),
             )
 
         def update(self, changed):
@@ -54,7 +57,8 @@ Rules
   ``ui.error_state`` and ``ui.message`` draw the rest.
 - **HTML** is a Jinja template beside the page (``pages/<key>/name.html``; macros in ``ui/macros.html``),
   filled by ``ui.render`` and shown by ``ui.Html``, which shows anything else as text, whoever wrote it.
-- **Downloads and code**: `FigureCard` makes PNG, SVG, CSV and "Show the code" of what is shown *now*:
-  pass functions, not values. `say` sets the sentence under the figure (screen readers hear it).
+- **Downloads and code**: `FigureCard` makes PNG, SVG, CSV and the code, behind "Export",
+  of what is shown *now*: pass functions, not values. `say` sets the sentence under the figure
+  (screen readers hear it).
 - Give what a browser test holds on to a CSS class ``sd-…``.
 """

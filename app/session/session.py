@@ -29,6 +29,8 @@ QUANTITIES = {"q_rho": "Qρ", "rho": "ρ", "omega": "⟨Ω∥⟩"}
 RULE_WORDS = {"central": "central 99.8 %", "noise": "paper: 3 σ_ε", "measured": "3 own widths"}
 N_BIN_MAX = 500
 _LONGEST_SHOWN = 40
+PROFILES, OF_PROFILES = "profiles", {"x", "y", "highlight", "seed"}
+"""Page that a link without one meant while it was the first; and what only its links say."""
 OWN = "phi1"
 """In links, the longitude of the stream's own frame, whatever its name there: older links say so."""
 
@@ -172,6 +174,8 @@ def read_query(search: str, pages: tuple[str, ...], catalog: Catalog) -> tuple[d
             values[name] = check_word(text, pages) if name == "page" else FIELDS[name].read(text)
         except ValueError as error:
             problems.append(f"{name}={_short(text)} in the link was ignored: {name} {error}.")
+    if "page" not in given and PROFILES in pages and OF_PROFILES & given.keys():
+        values["page"] = PROFILES
     stream = catalog.stream(given.get("stream", ""))
     if stream is None and catalog.streams:
         problems.append(

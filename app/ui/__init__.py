@@ -1,16 +1,20 @@
 """What pages are put together from: frame, layout, text and widgets."""
 
-from app.ui.frame import navigation, page_frame
+from app.ui.frame import page_frame
 from app.ui.layout import (
+    FIGURE_HEIGHT,
     WIDE,
     FigureCard,
+    Opening,
     controls,
     document,
     download,
     figure_cell,
     figure_grid,
+    figure_pane,
     folded,
     page_layout,
+    side_panel,
 )
 from app.ui.templates import TABLE_STYLE, Html, render
 from app.ui.text import (
@@ -41,10 +45,12 @@ from app.ui.widgets import (
 )
 
 __all__ = [
+    "FIGURE_HEIGHT",
     "TABLE_STYLE",
     "WIDE",
     "FigureCard",
     "Html",
+    "Opening",
     "button",
     "caption",
     "one_arm",
@@ -58,13 +64,13 @@ __all__ = [
     "error_state",
     "figure_cell",
     "figure_grid",
+    "figure_pane",
     "folded",
     "heading",
     "int_slider",
     "legend",
     "menu",
     "message",
-    "navigation",
     "no_ensembles",
     "noise_slider",
     "number_slider",
@@ -73,6 +79,7 @@ __all__ = [
     "plain_text",
     "render",
     "select",
+    "side_panel",
     "slider",
     "stream_picker",
     "text_field",

@@ -1,4 +1,4 @@
-"""Two small pieces that live in the browser: the address bar and the live sentence under a figure."""
+"""Small pieces that live in the browser: address bar, navigation, drawer, live sentences, links."""
 
 from __future__ import annotations
 
@@ -70,6 +70,189 @@ class LiveText(JSComponent):
     ]
 
 
+class Answer(JSComponent):
+    """A page's answer in one sentence, above its figure; read out when it changes."""
+
+    text = param.String("", doc="plain text")
+
+    _esm = """
+    export function render({model}) {
+      const p = document.createElement("p")
+      p.className = "sd-now"
+      p.setAttribute("role", "status")
+      p.setAttribute("aria-live", "polite")
+      const write = () => { p.textContent = model.text; p.hidden = !model.text }
+      model.on("text", write)
+      write()
+      return p
+    }
+    """
+    _stylesheets = [
+        """
+        .sd-now { margin: 0; font: 16px/1.45 Roboto, sans-serif; max-width: 120ch; }
+        @media (max-width: 700px) { .sd-now { font-size: 15px; line-height: 1.4; } }
+        """
+    ]
+
+
+class Navigation(JSComponent):
+    """The pages in groups, as links: a row in the title bar, on narrow screens behind one button."""
+
+    groups = param.List([], doc="[name, [[key, title], …]] of each group")
+    page = param.String("", doc="key of the page shown")
+
+    _esm = """
+    export function render({model}) {
+      const nav = document.createElement("nav")
+      nav.className = "sd-pages"
+      nav.setAttribute("aria-label", "Pages")
+      const button = document.createElement("button")
+      button.type = "button"
+      button.className = "menu"
+      button.setAttribute("aria-label", "All pages")
+      const list = document.createElement("div")
+      list.className = "groups"
+      const open = (is) => {
+        nav.classList.toggle("open", is)
+        button.setAttribute("aria-expanded", String(is))
+      }
+      open(false)
+      button.addEventListener("click", () => open(!nav.classList.contains("open")))
+      nav.addEventListener("keydown", (event) => {
+        if (event.key === "Escape") { open(false); button.focus() }
+      })
+      const links = []
+      const address = (key) => {
+        const query = new URLSearchParams(window.location.search)
+        query.set("page", key)
+        return "?" + query
+      }
+      for (const [name, pages] of model.groups) {
+        const group = document.createElement("div")
+        group.className = "group"
+        const title = document.createElement("span")
+        title.className = "title"
+        title.textContent = name
+        const row = document.createElement("span")
+        row.className = "row"
+        for (const [key, words] of pages) {
+          const link = document.createElement("a")
+          link.textContent = words
+          link.dataset.key = key
+          link.href = "?page=" + key
+          // What else was chosen goes along also where a link is opened in another tab.
+          for (const event of ["pointerdown", "focus"]) {
+            link.addEventListener(event, () => { link.href = address(key) })
+          }
+          link.addEventListener("click", (event) => {
+            if (event.ctrlKey || event.metaKey || event.shiftKey || event.button !== 0) { return }
+            event.preventDefault()
+            open(false)
+            model.page = key
+          })
+          links.push(link)
+          row.append(link)
+        }
+        group.append(title, row)
+        list.append(group)
+      }
+      const mark = () => {
+        for (const link of links) {
+          const here = link.dataset.key === model.page
+          if (here) { link.setAttribute("aria-current", "page"); button.textContent = link.textContent }
+          else { link.removeAttribute("aria-current") }
+        }
+        if (!links.some((link) => link.dataset.key === model.page)) { button.textContent = "Pages" }
+        window.scrollTo(0, 0)
+      }
+      model.on("page", mark)
+      mark()
+      nav.append(button, list)
+      return nav
+    }
+    """
+    _stylesheets = [
+        """
+        :host { flex: 1 1 auto; min-width: 0; }
+        .sd-pages { color: #ffffff; font: 14px/1.3 Roboto, sans-serif; }
+        .menu { display: none; margin-left: 12px; font: 500 15px/1 Roboto, sans-serif; color: inherit;
+                background: none; border: 1px solid #ffffff80; border-radius: 6px; min-height: 44px;
+                padding: 0 14px; cursor: pointer; }
+        .menu::after { content: " ▾"; }
+        .groups { display: flex; gap: 22px; justify-content: flex-start; padding-left: 12px; }
+        .title { display: block; font-size: 11px; letter-spacing: 0.04em; padding: 0 8px; opacity: 0.85; }
+        .title:empty::after { content: "\\00a0"; }
+        .row { display: flex; }
+        a { display: block; color: inherit; text-decoration: none; padding: 4px 8px; border-radius: 4px;
+            white-space: nowrap; min-height: 18px; }
+        a:hover { background: #ffffff22; }
+        a[aria-current] { background: #ffffff33; font-weight: 500; }
+        a:focus-visible, .menu:focus-visible { outline: 3px solid #e69f00; outline-offset: 1px; }
+        @media (max-width: 1179px) {
+          .menu { display: inline-block; }
+          .groups { display: none; }
+          .open .groups { display: flex; flex-wrap: wrap; gap: 12px 28px; position: fixed; left: 0; right: 0;
+                          top: 56px; background: var(--sd-bar, #17456b); padding: 12px 16px 20px;
+                          max-height: calc(100vh - 80px); overflow-y: auto;
+                          box-shadow: 0 6px 12px #00000055; }
+          .open .row { flex-wrap: wrap; }
+          .open a { padding: 13px 12px; font-size: 16px; }
+          .open .title { padding: 0 12px; font-size: 12px; }
+          .open .title:empty { display: none; }
+        }
+        """
+    ]
+
+
+class DrawerButton(JSComponent):
+    """Opens and closes the drawer that holds a page's other controls on a narrow screen.
+
+    The drawer's style reads a property of the document, which reaches into every shadow tree; nothing
+    goes to the server.
+    """
+
+    label = param.String("All controls", doc="what it says")
+    opens = param.Boolean(True, doc="whether it opens and closes, or only closes")
+
+    _esm = """
+    export function render({model}) {
+      const root = document.documentElement
+      const button = document.createElement("button")
+      button.type = "button"
+      button.className = "sd-drawer-button"
+      button.textContent = model.label
+      const isOpen = () => root.style.getPropertyValue("--sd-drawer") === "visible"
+      const set = (open) => {
+        root.style.setProperty("--sd-drawer", open ? "visible" : "hidden")
+        document.dispatchEvent(new CustomEvent("sd-drawer", {detail: open}))
+      }
+      const tell = () => { if (model.opens) { button.setAttribute("aria-expanded", String(isOpen())) } }
+      button.addEventListener("click", () => set(model.opens && !isOpen()))
+      const escape = (event) => {
+        if (event.key === "Escape" && isOpen()) { set(false); if (model.opens) { button.focus() } }
+      }
+      document.addEventListener("sd-drawer", tell)
+      document.addEventListener("keydown", escape)
+      model.on("remove", () => {
+        document.removeEventListener("sd-drawer", tell)
+        document.removeEventListener("keydown", escape)
+        if (model.opens) { set(false) }
+      })
+      tell()
+      return button
+    }
+    """
+    _stylesheets = [
+        """
+        .sd-drawer-button { font: 500 14px/1 Roboto, sans-serif; min-height: 44px; padding: 0 18px;
+                 color: var(--mui-palette-primary-contrastText, #ffffff); border: 0; border-radius: 22px;
+                 background: var(--mui-palette-primary-main, #17456b); box-shadow: 0 2px 8px #00000055;
+                 cursor: pointer; white-space: nowrap; }
+        .sd-drawer-button:focus-visible { outline: 3px solid #e69f00; outline-offset: 2px; }
+        """
+    ]
+
+
 class CopyLink(JSComponent):
     """The address of a view as text, with a button that copies it."""
 
@@ -113,6 +296,53 @@ class CopyLink(JSComponent):
                    border: 1px solid #80808090; border-radius: 4px; padding: 6px 10px; min-width: 0; }
         .sd-copy button { cursor: pointer; min-width: 84px; }
         .sd-copy :focus-visible { outline: 3px solid #e69f00; outline-offset: 2px; }
+        """
+    ]
+
+
+class Doors(JSComponent):
+    """Large links to other views, side by side; followed without loading the page anew."""
+
+    doors = param.List([], doc="[words, what is behind it, query] of each")
+
+    _esm = """
+    export function render({model}) {
+      const list = document.createElement("nav")
+      list.className = "sd-door-list"
+      list.setAttribute("aria-label", "Where to go on")
+      const write = () => {
+        list.replaceChildren(...model.doors.map(([words, about, query]) => {
+          const link = document.createElement("a"), text = document.createElement("span")
+          link.href = query || "?"
+          const name = document.createElement("strong")
+          name.textContent = words
+          text.textContent = about
+          link.append(name, text)
+          link.addEventListener("click", (event) => {
+            if (event.ctrlKey || event.metaKey || event.shiftKey || event.button !== 0) { return }
+            event.preventDefault()
+            window.history.pushState({}, "", window.location.pathname + query)
+            window.dispatchEvent(new PopStateEvent("popstate"))
+          })
+          return link
+        }))
+      }
+      model.on("doors", write)
+      write()
+      return list
+    }
+    """
+    _stylesheets = [
+        """
+        .sd-door-list { display: grid; grid-template-columns: repeat(auto-fit, minmax(240px, 1fr)); gap: 12px;
+                        font: 15px/1.45 Roboto, sans-serif; }
+        .sd-door-list a { display: flex; flex-direction: column; gap: 2px; padding: 14px 16px; color: inherit;
+                          text-decoration: none; border: 1px solid #80808066; border-radius: 6px; }
+        .sd-door-list strong { font-size: 17px; font-weight: 500;
+                               color: var(--mui-palette-primary-main, inherit); }
+        .sd-door-list strong::after { content: " →"; }
+        .sd-door-list a:hover { border-color: currentColor; }
+        .sd-door-list a:focus-visible { outline: 3px solid #e69f00; outline-offset: 2px; }
         """
     ]
 

@@ -9,8 +9,9 @@ import panel_material_ui as pmui
 from panel.viewable import Viewable
 
 from app.borrowed import component_code, unwatch_busy
-from app.ui.layout import WIDE
 
+BAR = 56
+"""Height of the title bar in pixels."""
 FOCUS = {"outline": "3px solid #e69f00", "outlineOffset": "2px"}
 """How what has the keyboard's focus is framed."""
 
@@ -22,14 +23,20 @@ def _palette(primary: str, page: str, paper: str, bar: str) -> dict[str, Any]:
         "palette": {"primary": {"main": primary}, "background": {"default": page, "paper": paper}},
         "components": {
             "MuiAppBar": {"styleOverrides": bar_style},
-            "MuiTab": {"styleOverrides": {"root": {"textTransform": "none", "fontSize": "15px"}}},
+            "MuiToolbar": {"styleOverrides": {"root": {"minHeight": f"{BAR}px !important"}}},
             # Animated thumbs repaint the page for 150 ms after every key, while the figures wait.
             "MuiSlider": {"styleOverrides": {"thumb": still | {"&.Mui-focusVisible": FOCUS}, "track": still}},
             "MuiButtonBase": {"styleOverrides": {"root": {"&.Mui-focusVisible": FOCUS}}},
             "MuiToggleButton": {"styleOverrides": {"root": {"textTransform": "none"}}},
-            # What assistive technology is told: the title is the page's heading, a figure's is one
+            # What assistive technology is told: the question is the page's heading, a figure's is one
             # below, and the title bar's (unused) progress bar has a name.
-            "MuiTypography": {"defaultProps": {"variantMapping": {"h3": "h1", "h5": "div", "h6": "h2"}}},
+            "MuiTypography": {
+                "defaultProps": {"variantMapping": {"h3": "div", "h5": "div", "h6": "h2"}},
+                "styleOverrides": {
+                    "h3": {"fontSize": "20px", "fontWeight": 500},
+                    "h6": {"fontSize": "16px", "lineHeight": 1.3},
+                },
+            },
             "MuiLinearProgress": {"defaultProps": {"aria-label": "progress"}},
         },
     }
@@ -52,32 +59,21 @@ when the first of them has arrived; and it waits without a spinner, which needs 
 drawing the figures. Together they are painted 0.3 s sooner."""
 
 
-def page_frame(main: Sequence[Viewable], dark: bool) -> pmui.Page:
-    """Title bar with the light/dark switch around `main`; everything comes from this server."""
+def page_frame(main: Sequence[Viewable], dark: bool, header: Sequence[Viewable] = ()) -> pmui.Page:
+    """Title bar with `header` and the light/dark switch around `main`; all comes from this server."""
     page = pmui.Page(
         title="streamdash",
         meta_description="Which dark-matter perturbers made the gaps in a stellar stream?",
         main=list(main),
+        header=list(header),
         dark_theme=dark,
         theme_config=THEME,
         raw_css=[STYLE],
         busy_indicator=None,
         site_url=".",
-        main_width=1600,
+        main_width=2000,
         css_classes=["sd-page"],
         template=TEMPLATE % component_code(),
     )
     unwatch_busy(page)
     return page
-
-
-def navigation(pages: Sequence[tuple[str, Viewable]], active: int) -> pmui.Tabs:
-    """The pages as tabs; only the open one is sent to the browser."""
-    return pmui.Tabs(
-        *pages,
-        dynamic=True,
-        active=active,
-        sizing_mode=WIDE,
-        margin=0,
-        css_classes=["sd-nav"],
-    )

@@ -141,7 +141,7 @@ class StudyCard:
             return
         self.result = task.result
         figure = LiveFigure(self.study.draw(self.result, "bokeh")).figure
-        self.figure[:] = [pn.pane.Bokeh(figure, sizing_mode=ui.WIDE, margin=0)]
+        self.figure[:] = [ui.figure_pane(figure)]
         if self.study.extra is not None:
             self.figure.append(self.study.extra(self.result))
         self.card.say(self.study.sentence(self.result))

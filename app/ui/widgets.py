@@ -29,6 +29,28 @@ select.bk-input {{ background-image: url("data:image/svg+xml,%3Csvg xmlns='http:
 width='12' height='12'%3E{_ARROW}%3C/svg%3E") !important; }}
 """
 """The browser's own menu, with an arrow that is seen on any ground; Panel's is black."""
+PICKER_STYLE = {
+    "display": "flex",
+    "flexWrap": "wrap",
+    "gap": "4px",
+    "maxWidth": "620px",
+    # One beside the other where they are short; long names go on in another line.
+    "& button": {
+        "flex": "1 1 auto",
+        "width": "auto",
+        "maxWidth": "100%",
+        "minHeight": "32px",
+        "padding": "3px 8px",
+        "whiteSpace": "normal",
+        "textAlign": "left",
+        "justifyContent": "flex-start",
+        "lineHeight": 1.3,
+        "border": "1px solid #80808066 !important",
+        "borderRadius": "4px !important",
+        "margin": "0 !important",
+    },
+}
+"""Buttons of the mass ranges: as many in a row as there is room for."""
 
 
 def slider(page: Page, name: str, label: str, step: float = 0.01, **params: Any) -> pmui.FloatSlider:
@@ -69,7 +91,7 @@ def toggle(
         size="small",
         margin=0,
         css_classes=[f"sd-{name}"],
-        sx={"& button": {"whiteSpace": "nowrap"}},
+        sx={"flexWrap": "wrap", "& button": {"whiteSpace": "nowrap", "padding": "5px 8px"}},
     )
     page.bind(name, widget)
     return pn.Column(caption(label), widget, margin=(4, 10), width_policy="min", **params)
@@ -117,7 +139,10 @@ def ensemble_picker(page: Page) -> Viewable:
 
     def options() -> dict[str, str]:
         stream = session.catalog.stream(session.stream)
-        return {choice.label: choice.key for choice in (stream.ensembles if stream else ())}
+        choices = stream.ensembles if stream else ()
+        # Plain mass ranges first: most people look for one of them.
+        ordered = sorted(choices, key=lambda choice: choice.token != choice.config.population.label)
+        return {choice.label: choice.key for choice in ordered}
 
     widget = pmui.CheckButtonGroup(
         options=options(),
@@ -125,18 +150,13 @@ def ensemble_picker(page: Page) -> Viewable:
         size="small",
         margin=0,
         css_classes=["sd-mass"],
-        sx={
-            "flexWrap": "wrap",
-            "& button": {"whiteSpace": "nowrap", "width": "auto", "flex": "0 0 auto"},
-            "@media (max-width: 700px)": {  # long names go on in another line instead of off a phone
-                "maxWidth": "calc(100vw - 32px)",
-                "& button": {"whiteSpace": "normal", "textAlign": "left", "maxWidth": "100%"},
-            },
-        },
+        sizing_mode=WIDE,
+        sx=PICKER_STYLE,
     )
 
     def picked(event: param.parameterized.Event) -> None:
-        keys = list(options().values())
+        stream = session.catalog.stream(session.stream)
+        keys = [choice.key for choice in (stream.ensembles if stream else ())]
         if min(CLASSES_MIN, len(keys)) <= len(event.new) <= CLASSES_MAX:
             session.mass = [key for key in keys if key in event.new]
         else:
@@ -145,7 +165,7 @@ def ensemble_picker(page: Page) -> Viewable:
     widget.param.watch(picked, "value")
     page.follow("catalog", lambda: widget.param.update(options=options()))
     heading = caption(f"Mass ranges of the perturbers ({CLASSES_MIN} to {CLASSES_MAX})")
-    return pn.Column(heading, widget, margin=(4, 10), max_width=620, styles={"flex": "1 1 300px"})
+    return pn.Column(heading, widget, margin=(4, 10), sizing_mode=WIDE)
 
 
 def noise_slider(page: Page) -> pmui.FloatSlider:

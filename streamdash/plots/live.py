@@ -60,7 +60,8 @@ class LiveFigure:
         plot = use("bokeh").get_plot(overlay)
         parts = list(plot.subplots.values()) if getattr(plot, "subplots", None) else [plot]
         self.figure = plot.state
-        self.figure.toolbar.logo = None
+        # Nothing grabs a page that is being scrolled until somebody asks for it.
+        self.figure.toolbar.update(logo=None, active_drag=None, active_scroll=None)
         self.sources: dict[str, Any] = {}
         self._inked = []
         for part in parts:

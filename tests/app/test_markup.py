@@ -20,7 +20,7 @@ from app.ui.templates import TEMPLATES, fill, literally
 from streamdash.plots import report_html
 
 HOSTILE = """<img src=x onerror=boom()>"'&amp;{{ 1111 * 7 }}![x](http://e/x.png)[y](http://e/)"""
-OURS = {"a", "br", "caption", "code", "div", "h2", "p", "pre", "small", "span"} | {
+OURS = {"a", "br", "caption", "code", "div", "h1", "h2", "p", "pre", "small", "span", "sub"} | {
     *("details", "summary", "li", "ul", "table", "tbody", "td", "th", "thead", "tr"),
 }
 LINKS = [

@@ -69,7 +69,7 @@ def open_page(services):
         session.load(search)
         shell = Shell(session, services, PAGES)
         page = shell.page
-        page.layout = shell.slots["observe"].objects[0]
+        page.layout = shell.slot.objects[0]
         return page
 
     return open_at

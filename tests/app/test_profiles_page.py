@@ -27,7 +27,7 @@ def shown(shell: Shell, index: int, label: str) -> dict[str, np.ndarray]:
 
 def words(shell: Shell) -> str:
     """Text of what takes the page's place."""
-    return " ".join(pane.object for pane in shell.slots["profiles"][0].objects)
+    return " ".join(pane.object for pane in shell.slot[0].objects)
 
 
 def test_columns_of_the_sources_are_the_ones_that_are_patched(open_shell):

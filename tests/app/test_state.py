@@ -295,3 +295,15 @@ def test_a_seed_advances_and_begins_anew(catalog):
     assert session.seed == Session.param.seed.bounds[1]
     session.advance("seed", highlight=2)
     assert (session.seed, session.highlight) == (0, 2)
+
+
+def test_links_of_the_time_when_profiles_was_the_first_page_still_show_it(catalog):
+    pages = ("home", "profiles", "pdf")
+    for search, page in (
+        ("", None),
+        ("?noise=0.3", None),
+        ("?y=rho", "profiles"),
+        ("?page=pdf&y=rho", "pdf"),
+    ):
+        values, problems = read_query(search, pages, catalog)
+        assert (values.get("page"), problems) == (page, [])

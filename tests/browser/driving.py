@@ -39,6 +39,9 @@ window.sd = {
   renderers: (figure) => figure.renderers.filter(r => r.type === "GlyphRenderer"),
   glyphs: (type) => sd.figures().map(f => sd.renderers(f).find(r => r.glyph.type === type)),
   view: (model) => Bokeh.index.find_one(model),
+  // Top edges of the figures that are drawn, in pixels from the top of the page.
+  tops: () => sd.figures().map(sd.view).filter(Boolean).map(view => view.el.getBoundingClientRect())
+    .filter(box => box.width > 40 && box.height > 40).map(box => box.top).sort((a, b) => a - b),
 }
 """
 
@@ -126,3 +129,14 @@ def darken(page: Page) -> None:
     colour = "getComputedStyle(document.body).backgroundColor"
     page.wait_for_function(f"() => {colour}.match(/[0-9]+/g).slice(0, 3).every(c => c < 60)")
     page.wait_for_function("() => Bokeh.documents[0].is_idle")
+
+
+def open_export(page: Page, card: str = ".sd-card") -> None:
+    """Open the files and the code of a card."""
+    page.locator(f"{card} .sd-export button").first.click()
+    page.locator(f"{card} .sd-code pre").first.wait_for()
+
+
+def open_controls(page: Page) -> None:
+    """Open the drawer with all controls, on a narrow screen."""
+    page.get_by_role("button", name="All controls").click()

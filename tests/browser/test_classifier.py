@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.driving import darken
+from tests.browser.driving import darken, open_export
 
 pytestmark = pytest.mark.browser
 TWO = "?page=classifier&mass=1e3-1e5,1e5-1e9&preset=paper&n_pca=8&features=pca"
@@ -104,7 +104,7 @@ def test_training_at_another_noise_and_a_study_by_keyboard(tab):
     expect(status).to_contain_text("σ_ε = 0.13")
     status = page.locator(".sd-importance-status .sd-live")
     start, cancel = (page.locator(f".sd-importance-{name} button") for name in ("start", "cancel"))
-    expect(page.locator(".sd-card-importance .sd-download-csv button")).to_be_disabled()  # nothing yet
+    expect(page.locator(".sd-card-importance .sd-export button")).to_be_disabled()  # nothing yet
     start.click()
     expect(cancel).to_be_visible()
     cancel.click()
@@ -112,6 +112,7 @@ def test_training_at_another_noise_and_a_study_by_keyboard(tab):
     expect(start).to_be_enabled()
     start.click()
     expect(sentence(page, "importance")).to_contain_text("Most is lost without")
+    open_export(page, ".sd-card-importance")
     with page.expect_download() as download:
         page.locator(
             ".sd-card-importance .sd-download-csv a, .sd-card-importance .sd-download-csv button"

@@ -52,7 +52,7 @@ def sees_everything(page: Page) -> None:
     for card in ("evidence", "cumulative", "growth"):
         expect(page.locator(f".sd-card-{card} .sd-sentence p")).not_to_be_empty(timeout=WAIT_MS)
         expect(page.locator(f".sd-card-{card} canvas").first).to_be_visible(timeout=WAIT_MS)
-    page.get_by_role("tab", name="Simulate").click()
+    page.get_by_role("link", name="Simulate", exact=True).click()
     expect(page.locator(".sd-card-simulate canvas").first).to_be_visible(timeout=WAIT_MS)
 
 

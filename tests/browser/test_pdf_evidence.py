@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.driving import darken
+from tests.browser.driving import darken, open_export
 
 pytestmark = pytest.mark.browser
 TWO = "mass=1e3-1e5,1e5-1e9"
@@ -210,6 +210,7 @@ def test_numbers_of_every_card_are_downloaded(evidence_tab, tmp_path):
     expect(page.locator(".sd-table-1 table.ready")).to_contain_text("Paper, table 1")
     expect(sentence(page, "growth")).to_contain_text("streams")
     for card, column in (("evidence", "ln_bayes"), ("cumulative", "paper"), ("growth", "sum_ln_bayes")):
+        open_export(page, f".sd-card-{card}")
         with page.expect_download() as download:
             page.locator(f".sd-card-{card}").get_by_role("button", name="CSV").click()
         path = tmp_path / download.value.suggested_filename

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.driving import READY, darken
+from tests.browser.driving import READY, darken, open_controls, open_export
 
 pytestmark = pytest.mark.browser
 TWO = "?page=profiles&mass=1e3-1e5,1e5-1e9"
@@ -121,7 +121,7 @@ def test_reload_and_back_keep_what_was_chosen(tab):
 
 def test_the_code_follows_and_everything_comes_from_the_server_and_nothing_complains(tab, address):
     watched = tab(TWO)
-    watched.page.get_by_text("Show the code").click()
+    open_export(watched.page)
     code = watched.page.locator(".sd-code pre")
     expect(code).to_contain_text("noise=0.1,")
     noise_thumb(watched.page).focus()
@@ -171,6 +171,7 @@ def test_highlights_can_be_redrawn(tab):
 
 def test_files_are_downloaded(tab, tmp_path):
     page = tab(TWO + "&noise=0.2").page
+    open_export(page)
     found = {}
     for kind in ("PNG", "SVG", "CSV"):
         with page.expect_download() as download:
@@ -198,13 +199,14 @@ def test_the_keyboard_reaches_every_control_and_focus_is_visible(shown):
             )
         )
     text = " | ".join(reached)
-    for control in ("Toggle theme", "Profiles", "Draw others", "PNG", "SVG", "CSV", "Show the code"):
+    for control in ("Toggle theme", "Profiles", "Draw others", "Export"):
         assert control in text, reached
     assert "range" in text or "Shot noise" in text
 
 
 def test_names_of_all_classes_are_read_whole_on_a_phone(tab):
     page = tab("?page=profiles", width=390, height=844).page
+    open_controls(page)
     buttons = page.locator(".sd-mass button")
     expect(buttons.first).to_be_visible()
     longest = max(buttons.all_inner_texts(), key=len)

@@ -7,6 +7,8 @@ import pandas as pd
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests.browser.driving import open_export
+
 pytestmark = pytest.mark.browser
 SPECTRUM = "?page=spectrum&mass=1e3-1e5,1e5-1e9"
 
@@ -72,6 +74,7 @@ def test_a_test_of_convergence_is_chosen_shown_and_downloaded(tab, tmp_path):
     expect(page.locator(".sd-lab-shifts")).to_contain_text("16 times")
     assert len(lines(page, "√P of Qρ")) == 7
     expect(page.locator(".sd-lab-verdicts")).to_contain_text("Orbital phase of the impacts")
+    open_export(page, ".sd-card-convergence")
     with page.expect_download() as download:
         page.locator(".sd-card-convergence").get_by_role("button", name="CSV").click()
     download.value.save_as(tmp_path / "times.csv")

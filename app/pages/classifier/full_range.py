@@ -41,7 +41,7 @@ class FullRange:
             "Full range: how many more clusters would be seen?",
             pn.Column(
                 ui.plain_text(PURPOSE, margin=(4, 0)),
-                pn.pane.Bokeh(figure, sizing_mode=ui.WIDE, margin=0),
+                ui.figure_pane(figure),
                 sizing_mode=ui.WIDE,
                 margin=0,
             ),

@@ -23,6 +23,7 @@ from streamdash.classifier.model import PRESETS
 from streamdash.classifier.train import Judged
 from streamdash.paper.full_range import shipped_results
 from streamdash.plots import classifier
+from streamdash.plots.answers import classifier_answer
 from streamdash.plots.live import LiveFigure, export
 
 LEGEND_STREAMS = (("line", "without noise, in class colour"), ("grey", "as observed, with noise"))
@@ -31,7 +32,8 @@ LEGEND_STREAMS = (("line", "without noise, in class colour"), ("grey", "as obser
 class ClassifierPage(Page):
     """Train a classifier of 2 to 4 mass ranges at any noise, and see whether to trust it."""
 
-    key, title = "classifier", "Classifier"
+    key, title, group = "classifier", "Classifier", "Explore"
+    question = "Can a machine tell which mass range made the gaps of one stream?"
     uses = frozenset({"noise", "preset", "n_pca", "features", "depth", "trees", "cell", "theme"})
 
     def view(self) -> Viewable:
@@ -39,6 +41,7 @@ class ClassifierPage(Page):
             self.streams = streams_of(self.services, self.session)
         except ValueError as error:
             raise Unavailable(str(error)) from None
+        self.opening = ui.Opening(self.question)
         self.judged: Judged | None = None
         self.watch = Watch(self._show)
         self.free_watch = Watch(self._show_free)
@@ -72,11 +75,11 @@ class ClassifierPage(Page):
         shipped = shipped_results()
         self.full_range = FullRange(shipped) if shipped is not None else None
         return ui.page_layout(
-            self._choices(),
             ui.controls(*classes),
-            self.controls.view,
             self.results,
             *([self.full_range.view] if self.full_range else []),
+            opening=self.opening,
+            panel=self._choices(),
         )
 
     def update(self, changed: frozenset[str]) -> None:
@@ -129,13 +132,15 @@ class ClassifierPage(Page):
     # ------------------------------------------------------------ building
 
     def _choices(self) -> Viewable:
-        return ui.controls(
-            ui.stream_picker(self),
-            ui.ensemble_picker(self),
-            ui.noise_slider(self),
-            ui.toggle(self, "preset", "Start from"),
-            ui.toggle(self, "features", "Features"),
-            ui.int_slider(self, "n_pca", "Principal components", width=200),
+        return ui.side_panel(
+            [ui.noise_slider(self), self.controls.view],
+            [
+                ui.stream_picker(self),
+                ui.ensemble_picker(self),
+                ui.toggle(self, "preset", "Start from"),
+                ui.toggle(self, "features", "Features"),
+                ui.int_slider(self, "n_pca", "Principal components"),
+            ],
         )
 
     def _cell_picker(self) -> Viewable:
@@ -199,6 +204,7 @@ class ClassifierPage(Page):
         self.scores.write(scores_html(task.result, of_paper(self.session.configs)))
         for slot, draw in ((self.roc, classifier.draw_roc), (self.calibration, classifier.draw_calibration)):
             slot[:] = [_pane(draw(task.result, "bokeh"))]
+        self.opening.say(classifier_answer(task.result))
         self.card.say(classifier.matrix_sentence(task.result))
         self.roc_card.say(classifier.roc_sentence(task.result))
         self.calibration_card.say(classifier.calibration_sentence(task.result))
@@ -216,7 +222,7 @@ class ClassifierPage(Page):
         dark = self.session.theme == "dark"
         self.live = LiveFigure(classifier.draw_matrix(self._ready(), "bokeh", self.selected, dark))
         self.live.figure.on_event(Tap, self._tapped)
-        self.matrix[:] = [pn.pane.Bokeh(self.live.figure, sizing_mode=ui.WIDE, margin=0)]
+        self.matrix[:] = [ui.figure_pane(self.live.figure)]
 
     def _draw_streams(self) -> None:
         rows = self._rows()
@@ -275,8 +281,8 @@ class ClassifierPage(Page):
         return self._code(figure, "streams_layout", "cell")
 
 
-def _pane(overlay: Any) -> pn.pane.Bokeh:
-    return pn.pane.Bokeh(LiveFigure(overlay).figure, sizing_mode=ui.WIDE, margin=0)
+def _pane(overlay: Any) -> Viewable:
+    return ui.figure_pane(LiveFigure(overlay).figure, "320px")
 
 
 def _trained_words(judged: Judged) -> str:

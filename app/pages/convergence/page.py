@@ -34,7 +34,8 @@ LEGEND = (
 class ConvergencePage(Page):
     """One test at a time in full, above the verdicts on all."""
 
-    key, title = "convergence", "Convergence"
+    key, title, group = "convergence", "Convergence", "Machine room"
+    question = "Do the spectra depend on the numerical choices?"
     uses = frozenset({"knob", "lab_streams", "lab_seed"})
 
     def __init__(self, session: Session, services: Services) -> None:
@@ -43,16 +44,19 @@ class ConvergencePage(Page):
         self.found: list[Measured] = []
 
     def view(self) -> Viewable:
+        self.opening = ui.Opening(self.question)
         self.watch = Watch(self._show_task)
         self.task = TaskControls("Simulate", self.start, self.watch.cancel, "lab")
-        self.question = ui.plain_text("", margin=(4, 0), css_classes=["sd-lab-question"])
+        self.about = ui.plain_text("", margin=(4, 0), css_classes=["sd-lab-question"])
         self.figures = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.table = ui.Html(stylesheets=[STYLE], css_classes=["sd-lab-shifts"])
         self.all = ui.Html(stylesheets=[STYLE], css_classes=["sd-lab-verdicts"])
         self._make_cards()
         self._show()
         self._show_all()
-        return ui.page_layout(self._controls(), self.card.view, self.all_card.view)
+        return ui.page_layout(
+            self.card.view, self.all_card.view, opening=self.opening, panel=self._controls()
+        )
 
     @property
     def knob(self) -> ConvergenceTest:
@@ -94,16 +98,18 @@ class ConvergencePage(Page):
     # ------------------------------------------------------------ inside
 
     def _controls(self) -> Viewable:
-        return ui.controls(
-            ui.select(self, "knob", "Test", width=340),
-            ui.toggle(self, "lab_streams", "Streams per setting"),
-            ui.int_slider(self, "lab_seed", "Seed of the random numbers"),
+        return ui.side_panel(
+            [ui.select(self, "knob", "Test")],
+            [
+                ui.toggle(self, "lab_streams", "Streams per setting"),
+                ui.int_slider(self, "lab_seed", "Seed of the random numbers"),
+            ],
         )
 
     def _make_cards(self) -> None:
         self.card = ui.FigureCard(
             "One test of convergence",
-            pn.Column(self.question, self.task.view, self.figures, self.table, sizing_mode=ui.WIDE, margin=0),
+            pn.Column(self.about, self.task.view, self.figures, self.table, sizing_mode=ui.WIDE, margin=0),
             name="convergence",
             image=lambda kind: export(self._layout(), kind),
             table=lambda: convergence.table(self.knob, self._ready().spectra),
@@ -122,7 +128,7 @@ class ConvergencePage(Page):
     def _show(self) -> None:
         """The chosen test, as far as it is in the cache."""
         chosen = self.knob
-        self.question.write(f"{chosen.question} {_paper(chosen)}")
+        self.about.write(f"{chosen.question} {_paper(chosen)}")
         found, _ = measure(
             self.services.cache, [chosen.key], int(self.session.lab_streams), self.session.lab_seed
         )
@@ -137,6 +143,7 @@ class ConvergencePage(Page):
                 f"{self.session.lab_streams} streams and seed {self.session.lab_seed}."
             )
             self.card.say("")
+            self.opening.say("")
             task = self.services.laboratory.find(self._job()[0])
             if task is not None and task.active:
                 self.watch.follow(task)
@@ -150,6 +157,7 @@ class ConvergencePage(Page):
         self.figures[:] = [ui.figure_grid(figures)]
         self.table.write(shifts_html(self.measured))
         verdict = verdict_sentence(chosen, self.measured.verdict)
+        self.opening.say(verdict)
         self.card.say(f"{verdict} {convergence.sentence(chosen, self.measured.spectra)}")
 
     def _show_all(self) -> None:

@@ -19,6 +19,7 @@ from app.work.later import Later
 from streamdash.naming import class_labels
 from streamdash.paths import DOCS
 from streamdash.plots import cumulative, evidence
+from streamdash.plots.answers import evidence_answer
 from streamdash.plots.live import LiveFigure, export
 from streamdash.plots.pdf import frame
 from streamdash.statistics.evidence import RULES
@@ -36,10 +37,12 @@ DIFFERENCES = DOCS / "differences.md"
 class EvidencePage(Page):
     """Bayes factors of 2 to 4 mass ranges for the fiducial that is chosen."""
 
-    key, title = "evidence", "Evidence"
+    key, title, group = "evidence", "Evidence", "Explore"
+    question = "How strongly would a stream of one mass range speak against the others?"
     uses = frozenset({"noise", "n_bin", "fiducial", "exclude", "theme"})
 
     def view(self) -> Viewable:
+        self.opening = ui.Opening(self.question)
         self.data = shared_comparison(self.services, self.session)
         self.tables: list[dict[str, Any]] = []
         self.curves: dict[int, Growth] = {}
@@ -57,12 +60,13 @@ class EvidencePage(Page):
         self._ask()
         classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
         return ui.page_layout(
-            self._controls(),
             ui.controls(*classes),
             self.card.view,
             self.table_card.view,
             self.growth_card.view,
             *_differences(),
+            opening=self.opening,
+            panel=self._controls(),
         )
 
     @property
@@ -92,7 +96,7 @@ class EvidencePage(Page):
         else:
             self.live.patch(evidence.columns(self.data, self.fiducial))
             self.live.move(frame(self.data)["x"], evidence.y_frame(self.data, self.fiducial))
-        self.card.say(evidence.sentence(self.data, self.fiducial, self.session.configs))
+        self._say()
         self._ask(table=bool(changed & {"noise", "exclude"}))
 
     def close(self) -> None:
@@ -146,13 +150,14 @@ class EvidencePage(Page):
     def _controls(self) -> Viewable:
         fiducials = {f"M{i}": i for i in range(len(self.session.ensembles))}
         self.session.fiducial = self.fiducial
-        return ui.controls(
-            ui.stream_picker(self),
-            ui.ensemble_picker(self),
-            ui.noise_slider(self),
-            ui.int_slider(self, "n_bin", "Bins of Qρ, N_bin"),
-            ui.toggle(self, "fiducial", "Fiducial model", fiducials),
-            ui.toggle(self, "exclude", "Bins of Qρ that count"),
+        return ui.side_panel(
+            [ui.noise_slider(self), ui.toggle(self, "fiducial", "Fiducial model", fiducials)],
+            [
+                ui.stream_picker(self),
+                ui.ensemble_picker(self),
+                ui.int_slider(self, "n_bin", "Bins of Qρ, N_bin"),
+                ui.toggle(self, "exclude", "Bins of Qρ that count"),
+            ],
         )
 
     def _make_cards(self) -> None:
@@ -194,8 +199,13 @@ class EvidencePage(Page):
     def _draw(self) -> None:
         """A new figure of ln B, for another fiducial."""
         self.live = LiveFigure(evidence.draw(self.data, self.fiducial, self.session.configs, "bokeh"))
-        self.slot[:] = [pn.pane.Bokeh(self.live.figure, sizing_mode=ui.WIDE, margin=0)]
-        self.card.say(evidence.sentence(self.data, self.fiducial, self.session.configs))
+        self.slot[:] = [ui.figure_pane(self.live.figure)]
+        self._say()
+
+    def _say(self) -> None:
+        chosen = self.session.configs
+        self.opening.say(evidence_answer(self.data, self.fiducial, chosen))
+        self.card.say(evidence.sentence(self.data, self.fiducial, chosen))
 
     # ------------------------------------------------------------ slow results
 
@@ -224,7 +234,7 @@ class EvidencePage(Page):
             crosses = tuple(f"paper {j}" for j in cumulative.rivals(tables, self.fiducial))
             self.live_chart = LiveFigure(self._cumulative("bokeh"), ink=crosses)
             self.live_chart.set_ink(self.session.theme == "dark")
-            self.chart[:] = [pn.pane.Bokeh(self.live_chart.figure, sizing_mode=ui.WIDE, margin=0)]
+            self.chart[:] = [ui.figure_pane(self.live_chart.figure)]
         else:
             self.live_chart.patch(cumulative.columns(tables, self.fiducial, self.is_paper))
             self.live_chart.move(y=cumulative.y_frame(tables, self.fiducial, self.is_paper))
@@ -246,7 +256,7 @@ class EvidencePage(Page):
         if self.live_growth is None:
             self.live_growth = LiveFigure(evidence.draw_growth(curves, "bokeh"))
             figure = self.live_growth.figure
-            self.growth_slot[:] = [pn.pane.Bokeh(figure, sizing_mode=ui.WIDE, margin=0)]
+            self.growth_slot[:] = [ui.figure_pane(figure)]
         else:
             self.live_growth.patch(evidence.growth_columns(curves))
             self.live_growth.move(y=evidence.growth_frame(curves)[1])

@@ -216,6 +216,6 @@ def html(css_class: str) -> ui.Html:
     return ui.Html(stylesheets=[STYLE], css_classes=[css_class], margin=0)
 
 
-def pane(live: LiveFigure) -> pn.pane.Bokeh:
+def pane(live: LiveFigure) -> Viewable:
     """A figure as wide as there is room."""
-    return pn.pane.Bokeh(live.figure, sizing_mode=ui.WIDE, margin=0)
+    return ui.figure_pane(live.figure)

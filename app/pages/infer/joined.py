@@ -56,7 +56,7 @@ class Joined:
             self.card.say(WORDS, ready=False)
             return
         figure = LiveFigure(self._draw("bokeh")).figure
-        self.slot[:] = [pn.pane.Bokeh(figure, sizing_mode=ui.WIDE, margin=0)]
+        self.slot[:] = [ui.figure_pane(figure)]
         self.card.say(infer.intervals_sentence(self.rows, self._name))
 
     @property

@@ -38,7 +38,8 @@ FILE = frozenset({"example", "upload", "columns", "infer_data", *LINKED.values()
 class InferPage(Page):
     """Choose stream, prior and data; read off what the data say, and what would change it."""
 
-    key, title = "infer", "Infer"
+    key, title, group = "infer", "Infer", "Your stream"
+    question = "How many subhalos hit a stream, and down to what mass?"
     one_arm = (
         "One population hit both, and each arm has impacts of its own: what both say is the product of what "
         "each says. Choose an arm, press “Put aside, to join” at its answer, and do the same with the other: "
@@ -76,7 +77,7 @@ class InferPage(Page):
         rest = [cards.band_card, cards.moves_card, self.joined.card, cards.rank_card]
         return page_grid(
             self.controls.parts,
-            [self.answer, self.problem, cards.corner_card.view],
+            [ui.Opening(self.question).view, self.answer, self.problem, cards.corner_card.view],
             [*(card.view for card in rest), *self._methods()],
         )
 

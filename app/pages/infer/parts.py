@@ -190,7 +190,7 @@ class Corner:
         height = {1: 330, 2: 300}.get(len(self.names), 230)
         live.figure.height = height
         return pn.Column(
-            pn.pane.Bokeh(live.figure, sizing_mode=ui.WIDE, margin=0),
+            ui.figure_pane(live.figure),
             sizing_mode=ui.WIDE,
             margin=0,
             styles={"min-width": "0"},

@@ -22,7 +22,7 @@ MADE_BY: dict[str, Any] = {"story": StoryLesson, "flyby": FlybyLesson, "quiz": Q
 class LearnPage(Page):
     """One of three lessons at a time."""
 
-    key, title = "learn", "Learn"
+    key, title, group = "learn", "Learn", ""
     one_arm = (
         "A lesson follows one stream of stars from its progenitor to its end, so it needs one arm: choose "
         "which. Both are seen side by side on Profiles and Spectrum."

@@ -159,7 +159,7 @@ class QuizLesson:
         if self.live is None:
             drawn = plot.draw_round(self.round, session.average, self.revealed, "bokeh")
             self.live = LiveFigure(drawn, ink=(plot.AVERAGED,))
-            self.figure[:] = [pn.pane.Bokeh(self.live.figure, sizing_mode=ui.WIDE, margin=0)]
+            self.figure[:] = [ui.figure_pane(self.live.figure)]
         else:
             self.live.patch(plot.round_columns(self.round, session.average, self.revealed))
         self.clue = self._find_clue() if self.revealed else None
@@ -167,7 +167,7 @@ class QuizLesson:
         if self.clue is not None:
             drawn = plot.draw_clue(self.clue, self.streams.design.step, "bokeh")
             self.clue_live = LiveFigure(drawn, ink=("this",))
-            self.clue_figure[:] = [pn.pane.Bokeh(self.clue_live.figure, sizing_mode=ui.WIDE, margin=0)]
+            self.clue_figure[:] = [ui.figure_pane(self.clue_live.figure)]
             self.clue_card.say(plot.clue_sentence(self.clue, self.round))
         words = plot.truth_sentence if self.revealed else plot.round_sentence
         self.card.say(words(self.round, self.number, ROUNDS))

@@ -61,7 +61,8 @@ BLANK: dict[str, Any] = {"columns": {}, **dict.fromkeys(LINKED.values(), AUTO)}
 class ObservePage(Page):
     """Choose a file, see what it was taken for, change that, and have it classified."""
 
-    key, title = "observe", "Observe"
+    key, title, group = "observe", "Observe", "Your stream"
+    question = "Which perturbers made the gaps in your stream?"
     one_arm = (
         "A file here is of one arm and is classified with streams of that arm alone: choose the arm that was "
         "measured, and where both were, ask for one after the other. What two arms say together is on the "
@@ -125,8 +126,6 @@ class ObservePage(Page):
         )
         self._read()
         return ui.page_layout(
-            ui.plain_text(introduction(self.model), margin=(4, 10, 14, 10), max_width=1000),
-            ui.controls(ui.stream_picker(self), ui.ensemble_picker(self)),
             self.drop,
             ui.controls(
                 ui.button(example_words(self.model), self._example, css_classes=["sd-example"]), self.status
@@ -135,6 +134,9 @@ class ObservePage(Page):
             self.controls.view,
             self.result_part,  # above what was read: the answer is where the button was pressed
             self.read_part,
+            ui.plain_text(introduction(self.model), margin=(14, 10), max_width=1000),
+            opening=ui.Opening(self.question),
+            panel=ui.side_panel([ui.stream_picker(self)], [ui.ensemble_picker(self)]),
         )
 
     @property
@@ -372,5 +374,5 @@ def _column(*parts: Viewable) -> pn.Column:
     return pn.Column(*parts, sizing_mode=ui.WIDE, margin=0, visible=False)
 
 
-def _pane(overlay: Any) -> pn.pane.Bokeh:
-    return pn.pane.Bokeh(LiveFigure(overlay).figure, sizing_mode=ui.WIDE, margin=0)
+def _pane(overlay: Any) -> Viewable:
+    return ui.figure_pane(LiveFigure(overlay).figure)

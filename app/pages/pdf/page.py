@@ -13,6 +13,7 @@ from app.page import Page
 from app.services.comparison import shared_comparison
 from app.session.listing import code_head
 from streamdash.plots import pdf
+from streamdash.plots.answers import pdf_answer
 from streamdash.plots.live import LiveFigure, export
 from streamdash.statistics.evidence import Comparison
 
@@ -27,10 +28,12 @@ LEGEND = (
 class PdfPage(Page):
     """PDF(Qρ) of 2 to 4 mass ranges; a click on a bin α shows Π(y_α|M)."""
 
-    key, title = "pdf", "PDF"
+    key, title, group = "pdf", "PDF", "Explore"
+    question = "How often does each density occur, and which densities tell the mass ranges apart?"
     uses = frozenset({"noise", "n_bin", "alpha", "exclude", "theme"})
 
     def view(self) -> Viewable:
+        self.opening = ui.Opening(self.question)
         self.data: Comparison = shared_comparison(self.services, self.session)
         chosen = self.session.configs
         self.live = LiveFigure(pdf.draw(self.data, chosen, "bokeh", self.selected), ink=(pdf.SELECTED,))
@@ -60,9 +63,10 @@ class PdfPage(Page):
         )
         self._say()
         return ui.page_layout(
-            self._controls(),
             ui.controls(*classes),
             ui.figure_grid([self.card.view, self.card_y.view], narrowest=420),
+            opening=self.opening,
+            panel=self._controls(),
         )
 
     @property
@@ -113,12 +117,9 @@ class PdfPage(Page):
     # ------------------------------------------------------------ inside
 
     def _controls(self) -> Viewable:
-        return ui.controls(
-            ui.stream_picker(self),
-            ui.ensemble_picker(self),
-            ui.noise_slider(self),
-            ui.int_slider(self, "n_bin", "Bins of Qρ, N_bin"),
-            self.slider,
+        return ui.side_panel(
+            [ui.noise_slider(self), ui.int_slider(self, "n_bin", "Bins of Qρ, N_bin")],
+            [ui.stream_picker(self), ui.ensemble_picker(self), self.slider],
         )
 
     def _recompute(self, keep_place: bool) -> None:
@@ -140,6 +141,7 @@ class PdfPage(Page):
 
     def _say(self) -> None:
         chosen = self.session.configs
+        self.opening.say(pdf_answer(self.data, chosen))
         self.card.say(pdf.sentence(self.data, chosen))
         self.card_y.say(pdf.y_sentence(self.data, self.selected, chosen))
 

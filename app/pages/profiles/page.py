@@ -14,6 +14,7 @@ from app.session.catalog import Choice
 from app.session.listing import ensembles_code
 from app.session.session import OWN
 from streamdash.plots import profiles
+from streamdash.plots.answers import profiles_answer
 from streamdash.plots.live import LiveFigure, export
 from streamdash.plots.style import COORDINATE_LABELS, coordinate_label
 from streamdash.store.cache import StoreError
@@ -40,13 +41,22 @@ def frame_of(choice: Choice) -> SkyFrame:
 class ProfilesPage(Page):
     """Profiles of 2 to 4 mass ranges as density images, with bands and highlighted streams."""
 
-    key, title = "profiles", "Profiles"
+    key, title, group = "profiles", "Profiles", "Explore"
+    question = "What do perturbers of different masses do to the density along a stream?"
     uses = frozenset({"noise", "x", "y", "highlight", "seed", "theme"})
 
-    def view(self) -> Viewable:
+    height = ui.FIGURE_HEIGHT
+    """Height of a panel, in terms of CSS."""
+
+    def prepare(self) -> None:
+        """What the page consists of, before anything is drawn."""
+        self.opening = ui.Opening(self.question)
         self.live: dict[int, LiveFigure] = {}
         self.panels: list[bands.Bands] = []
         self.grid = pn.Column(sizing_mode=ui.WIDE, margin=0)
+
+    def view(self) -> Viewable:
+        self.prepare()
         self.card = ui.FigureCard(
             "Simulated profiles along the stream",
             self.grid,
@@ -57,7 +67,7 @@ class ProfilesPage(Page):
             legend=ui.legend(LEGEND, len(self.session.ensembles)),
         )
         self._draw()
-        return ui.page_layout(self._controls(), self.card.view)
+        return ui.page_layout(self.card.view, opening=self.opening, panel=self._controls())
 
     def update(self, changed: frozenset[str]) -> None:
         if changed & REDRAW:
@@ -70,7 +80,12 @@ class ProfilesPage(Page):
             self.panels = self._compute()
             for cell, panel in zip(self.cells, self.panels, strict=True):
                 self.live[cell].patch(profiles.columns(panel))
-            self.card.say(profiles.sentence(self.panels))
+            self.say()
+
+    def say(self) -> None:
+        """Answer and sentence for what is shown now."""
+        self.opening.say(profiles_answer(self.panels))
+        self.card.say(profiles.sentence(self.panels))
 
     def layout(self) -> hv.Layout:
         """The figure as it is now, declared for a file."""
@@ -111,14 +126,16 @@ class ProfilesPage(Page):
 
     def _controls(self) -> Viewable:
         axes = {self._label(name): name for name in COORDINATE_LABELS}
-        return ui.controls(
-            ui.stream_picker(self),
-            ui.ensemble_picker(self),
-            ui.noise_slider(self),
-            ui.toggle(self, "y", "Quantity"),
-            ui.toggle(self, "x", "Along the stream", axes),
-            ui.int_slider(self, "highlight", "Highlighted streams", width=180),
-            ui.button("Draw others", self.draw_others, css_classes=["sd-draw-others"]),
+        return ui.side_panel(
+            [ui.noise_slider(self)],
+            [
+                ui.stream_picker(self),
+                ui.ensemble_picker(self),
+                ui.toggle(self, "y", "Quantity"),
+                ui.toggle(self, "x", "Along the stream", axes),
+                ui.int_slider(self, "highlight", "Highlighted streams"),
+                ui.button("Draw others", self.draw_others, css_classes=["sd-draw-others"], margin=(4, 10)),
+            ],
         )
 
     def _compute(self) -> list[bands.Bands]:
@@ -177,8 +194,8 @@ class ProfilesPage(Page):
                 continue
             live = self.live[cell]
             live.set_ink(self.session.theme == "dark")
-            cells.append(ui.figure_cell(heading, live.figure))
+            cells.append(ui.figure_cell(heading, live.figure, self.height))
         # Four stand two by two, up to three side by side, and so do the two arms of every class.
         self.grid[:] = [ui.figure_grid(cells, narrowest=560 if both or len(cells) == 4 else 420)]
         if self.panels:
-            self.card.say(profiles.sentence(self.panels))
+            self.say()

@@ -57,7 +57,8 @@ LEGEND = (
 class SimulatePage(Page):
     """Choose, preview, start, watch, cancel and resume a simulation."""
 
-    key, title = "simulate", "Simulate"
+    key, title, group = "simulate", "Simulate", "Machine room"
+    question = "What would other perturbers do to a stream?"
     uses = frozenset({*TEXTS, "sim_title", "theme"})
     needs_ensembles = False
 
@@ -92,14 +93,14 @@ class SimulatePage(Page):
         if pn.state.curdoc is not None:
             pn.state.onload(self._look_on)
             self.services.jobs.prepare()
+        stream, arms, population = presets(self)
         return ui.page_layout(
-            presets(self),
-            self.caveats,
-            self.components.view,
-            knobs(self),
             self.progress.view,
             self.card.view,
             self.others.view,
+            self.caveats,
+            opening=ui.Opening(self.question),
+            panel=ui.side_panel([stream, population], [arms, self.components.view, knobs(self)]),
         )
 
     def update(self, changed: frozenset[str]) -> None:

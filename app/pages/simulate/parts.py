@@ -37,8 +37,8 @@ from streamdash.simulation.preview import COARSE_TIMES
 from streamdash.streams import STREAM_NAMES, named_stream
 
 
-def presets(page: Page) -> Viewable:
-    """Menus of the stream, and of the populations by name, which set the perturbers' knobs."""
+def presets(page: Page) -> tuple[Viewable, Viewable, Viewable]:
+    """Menu of the stream, choice of its arm, and populations by name, which set the perturbers' knobs."""
     plain = {knob.name: knob.default for knob in KNOBS if knob.group == SUBHALOS}
     start = "Start from …"
     menu = ui.menu(
@@ -67,7 +67,7 @@ def presets(page: Page) -> Viewable:
     stream.param.watch(turned, "value")
     page.follow(NAMED, lambda: stream.param.update(value=page.session.sim_stream))
     arms = ui.toggle(page, ARM, "Arm", {option.capitalize(): option for option in BY_NAME[ARM].options})
-    return pn.Column(ui.controls(stream, arms, menu), sizing_mode=ui.WIDE, margin=(0, 0, 8, 0))
+    return stream, arms, menu
 
 
 class Components:
@@ -92,7 +92,7 @@ class Components:
             return
         self._listed = listed
         parts = config.population.components
-        self._numbers = [ui.plain_text("", sizing_mode=None, width=190, margin=(8, 10)) for _ in parts]
+        self._numbers = [ui.plain_text("", margin=(0, 10)) for _ in parts]
         self.rows[:] = [self._row(config, i, i == in_hand) for i in range(len(parts))]
         self.add.disabled = len(parts) >= COMPONENTS_MAX
         self._parts = parts
@@ -120,7 +120,7 @@ class Components:
         parts = config.population.components
         one = EnsembleConfig(perturbers=parts[i])
         label = ", ".join([population_text(one.population), *differences(one)])
-        name = ui.plain_text(label, sizing_mode=None, width=330, margin=(8, 10))
+        name = ui.plain_text(label, margin=(8, 10, 0, 10))
 
         def button(words: str, action: Callable[[], Any]) -> Viewable:
             return ui.button(words, action, size="small", css_classes=[f"sd-sim-{words.lower()}"])
@@ -128,14 +128,15 @@ class Components:
         others = [*parts[:i], *parts[i + 1 :]]
         buttons: list[Viewable] = []
         if in_hand:
-            buttons.append(ui.plain_text("in the fields below", sizing_mode=None, width=150, margin=(8, 10)))
+            buttons.append(ui.plain_text("in the fields below", margin=(0, 10)))
         else:
             buttons.append(button("Edit", lambda: self._put(parts, parts[i])))
         if len(parts) < COMPONENTS_MAX:
             buttons.append(button("Copy", lambda: self._put([*parts, parts[i]], parts[i])))
         if others:
             buttons.append(button("Remove", lambda: self._put(others, others[0])))
-        return ui.controls(name, self._numbers[i], *buttons)
+        row = ui.controls(*buttons)
+        return pn.Column(name, self._numbers[i], row, sizing_mode=ui.WIDE, margin=0)
 
 
 def knobs(page: Page) -> Viewable:

@@ -21,6 +21,7 @@ from app.work.later import Later
 from streamdash.classifier.data import ClassifierError
 from streamdash.config import EnsembleConfig
 from streamdash.plots import spectrum
+from streamdash.plots.answers import spectrum_answer
 from streamdash.plots.live import LiveFigure, export
 from streamdash.statistics.bispectrum import Bispectrum
 from streamdash.statistics.spectra_in_noise import Shown, show
@@ -41,12 +42,14 @@ WAITING = "Computing …"
 class SpectrumPage(Page):
     """Spectra of 2 to 4 mass ranges along Galactic longitude, live with the noise."""
 
-    key, title = "spectrum", "Spectrum"
+    key, title, group = "spectrum", "Spectrum", "Explore"
+    question = "On which angular scales do the perturbers rise above the noise?"
     uses = frozenset({"noise", "theme"})
 
     def __init__(self, session: Session, services: Services, arm: int | None = None) -> None:
         super().__init__(session, services)
         self.arm = arm
+        self.opening = ui.Opening(self.question)
         self.arms: list[SpectrumPage] = []
 
     @property
@@ -78,11 +81,13 @@ class SpectrumPage(Page):
         else:
             figures = self.cards()
         classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
+        panel = ui.side_panel([ui.noise_slider(self)], [ui.stream_picker(self), ui.ensemble_picker(self)])
         return ui.page_layout(
-            ui.controls(ui.stream_picker(self), ui.ensemble_picker(self), ui.noise_slider(self)),
             ui.controls(*classes),
             *figures,
             *([self.statistics.view] if self.statistics else []),
+            opening=self.opening,
+            panel=panel,
         )
 
     def cards(self) -> list[Viewable]:
@@ -212,6 +217,7 @@ class SpectrumPage(Page):
     def _say(self) -> None:
         chosen = self.configs
         self.statements.write(statements_html(self.data, chosen))
+        self.opening.say(spectrum_answer(self.data, chosen))
         self.card.say(spectrum.sentence(self.data, chosen))
         self.track_card.say(spectrum.track_sentence(self.data, chosen))
 
@@ -265,7 +271,7 @@ class SpectrumPage(Page):
             else:
                 live = LiveFigure(spectrum.draw_bispectrum(bispectra, chosen, part, "bokeh"))
                 self.live_b[part] = live
-                slot[:] = [pn.pane.Bokeh(live.figure, sizing_mode=ui.WIDE, margin=0)]
+                slot[:] = [ui.figure_pane(live.figure)]
         self.bispectrum_card.say(spectrum.bispectrum_sentence(bispectra, chosen))
 
     def _fail(self, sentence: str) -> None:

@@ -1,0 +1,94 @@
+"""Where things stand: a figure is in sight on every page, on a wide screen and on a phone."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import expect
+
+from app.pages.registry import PAGES
+from tests.browser.driving import open_controls
+
+pytestmark = pytest.mark.browser
+PHONE, WIDE = {"width": 390, "height": 844}, {"width": 1440, "height": 900}
+HIGHEST = {390: 420, 1440: 260}
+"""Farthest down, in pixels, that a page's first figure may begin, by the width of the screen."""
+WITHOUT = {"observe", "learn"}
+"""Observe has no figure before it has a profile; the lessons have a layout of their own."""
+QUICK = {"home", "evidence"}
+FIGURED = [
+    pytest.param(page.key, marks=[] if page.key in QUICK else [pytest.mark.slow])
+    for page in PAGES
+    if page.key not in WITHOUT
+]
+
+
+@pytest.mark.parametrize("key", FIGURED)
+def test_the_first_figure_is_in_sight(tab, key):
+    page = tab(f"?page={key}", **WIDE).page
+    for size in (WIDE, PHONE):
+        page.set_viewport_size(size)
+        limit = HIGHEST[size["width"]]
+        page.wait_for_function("limit => sd.tops().length && sd.tops()[0] <= limit", arg=limit)
+        assert page.evaluate("() => document.documentElement.scrollWidth") <= size["width"]
+
+
+def test_controls_stand_beside_the_figure_or_in_a_drawer(tab):
+    page = tab("?page=profiles", **WIDE).page
+    masses, drawer = page.locator(".sd-mass"), page.get_by_role("button", name="All controls")
+    expect(masses).to_be_visible()
+    expect(drawer).to_be_hidden()
+    page.set_viewport_size(PHONE)
+    expect(masses).to_be_hidden()
+    expect(page.locator(".sd-noise")).to_be_visible()
+    open_controls(page)
+    expect(masses).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(masses).to_be_hidden()
+    expect(drawer).to_be_focused()
+
+
+def test_pages_are_reached_from_the_title_bar(tab):
+    watched = tab("?page=profiles&noise=0.3", **WIDE)
+    page = watched.page
+    page.get_by_role("link", name="PDF", exact=True).click()
+    expect(page.locator(".sd-card-pdf")).to_be_visible()
+    page.wait_for_url("**page=pdf&noise=0.3")
+    expect(page.get_by_role("link", name="PDF", exact=True)).to_have_attribute("aria-current", "page")
+    page.go_back()
+    expect(page.locator(".sd-card-profiles")).to_be_visible()
+    page.set_viewport_size(PHONE)
+    page.get_by_role("button", name="All pages").click()
+    page.get_by_role("link", name="Evidence", exact=True).click()
+    expect(page.locator(".sd-card-evidence")).to_be_visible()
+    assert watched.complaints == []
+
+
+def test_no_figure_takes_the_scroll(tab):
+    """Neither a wheel nor a swipe moves an axis before a tool has been chosen."""
+    page = tab("?page=evidence", **WIDE).page
+    ranges = "() => sd.figures().map(f => [f.x_range.start, f.x_range.end, f.y_range.start, f.y_range.end])"
+    before = page.evaluate(ranges)
+    x, y = page.evaluate("() => [400, sd.tops()[0] + 120]")
+    page.mouse.move(x, y)
+    page.mouse.wheel(0, 200)
+    page.mouse.down()
+    page.mouse.move(x + 80, y + 20, steps=4)
+    page.mouse.up()
+    tools = page.evaluate("() => sd.figures().map(f => [f.toolbar.active_scroll, f.toolbar.active_drag])")
+    assert all(tool is None for pair in tools for tool in pair)
+    assert page.evaluate(ranges)[0] == before[0]
+
+
+def test_the_front_page_answers_and_its_doors_open(tab):
+    watched = tab("", **WIDE)
+    page = watched.page
+    answer = page.locator(".sd-answer-now .sd-now")
+    expect(answer).to_contain_text("noise alone by ±0.1")
+    page.locator(".sd-noise .MuiSlider-thumb input").first.focus()
+    page.keyboard.press("ArrowRight")
+    expect(answer).to_contain_text("noise alone by ±0.11")
+    expect(page.locator(".sd-facts")).to_contain_text("Σ ln B")
+    page.locator(".sd-doors").get_by_role("link", name="Explore").click()
+    expect(page.locator(".sd-card-profiles")).to_be_visible()
+    assert "page=profiles" in page.url and "noise=0.11" in page.url
+    assert watched.complaints == []
