@@ -1,4 +1,4 @@
-"""Lines that listings of "Show the code" have in common."""
+"""Lines that listings of “Export” have in common."""
 
 from __future__ import annotations
 
