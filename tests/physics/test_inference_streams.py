@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from streamdash.inference.files import EstimatorFileError
+from streamdash.inference.held_out import load_streams
 from streamdash.inference.prior_ensemble import TRAINING_SEED, configs
 from streamdash.inference.shipped_streams import (
     FOLDER,
@@ -47,6 +48,13 @@ def test_every_file_is_found_and_other_priors_have_none():
     for other in (Prior(log10_rate=(-1, 0.5)), Prior(ages_gyr=(5.0, 9.0))):
         assert not are_shipped(other, model) and load_shipped(other, model) is None
     assert load_shipped(PRIORS["rate"], model, 10**6) is None, "more than there are"
+
+
+@pytest.mark.parametrize("stream, prior", SETS)
+def test_no_mock_is_a_stream_that_estimators_for_other_bins_learn_from(stream, prior):
+    learnt_from = load_shipped(PRIORS[prior], named_stream(stream).arm()).parameters()
+    mocks = load_streams(stream, prior).truth
+    assert not np.isin(mocks.log10_rate.round(9), learnt_from.log10_rate.round(9)).any()
 
 
 def test_streams_come_back_as_they_were_written(tmp_path):
