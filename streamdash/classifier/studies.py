@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import xgboost
 from sklearn.metrics import accuracy_score, log_loss
 from sklearn.model_selection import StratifiedKFold
 from sklearn.neural_network import MLPClassifier
@@ -128,7 +129,8 @@ def grid_search(
     """Cross-validate depth and number of trees on the training streams (paper §2.5).
 
     Boosting is sequential: the first n trees of a long model are the model of n trees. So each
-    depth is grown once per fold, with the most trees, and judged at every number of them.
+    depth is grown once per fold, with the most trees, and judged at every number of them. Trees that
+    do not reach the depth they may reach are those of any larger one, which is not grown then.
 
     Returns
     -------
@@ -150,14 +152,18 @@ def grid_search(
         q, y = augmented(streams, rows[inner], noise, settings.copies, (settings.seed, 3, k))
         features = FeatureMap.fit(q, settings.features)
         x, x_held = features(q), features(streams.observed(noise)[rows[held]])
-        for d, depth in enumerate(depths):
+        whole: int | None = None  # of the depths so far, the one whose trees were not cut short
+        for d in np.argsort(depths, kind="stable"):
             _stop_if_asked(should_stop)
-            booster = boost(
-                x, y, _with_trees(settings, int(depth), int(sizes[-1])), int(sizes[-1]), workers=workers
-            )
-            for s, size in enumerate(sizes):
-                predicted = class_margins(booster, x_held, int(size)).argmax(axis=1)
-                accuracy[k, d, s] = np.mean(predicted == streams.y[rows[held]])
+            if whole is not None:
+                accuracy[k, d] = accuracy[k, whole]
+            else:
+                one = _with_trees(settings, int(depths[d]), int(sizes[-1]))
+                booster = boost(x, y, one, int(sizes[-1]), workers=workers)
+                for s, size in enumerate(sizes):
+                    predicted = class_margins(booster, x_held, int(size)).argmax(axis=1)
+                    accuracy[k, d, s] = np.mean(predicted == streams.y[rows[held]])
+                whole = d if _deepest(booster) < depths[d] else None
             done += 1
             if progress is not None:
                 progress(done, total)
@@ -166,6 +172,11 @@ def grid_search(
     depth, size = _simplest_of_the_best(mean, error)
     best = _with_trees(settings, int(depths[depth]), int(sizes[size]))
     return Grid(np.asarray(depths), sizes, mean, error, best)
+
+
+def _deepest(booster: xgboost.Booster) -> int:
+    """Levels of splits of the deepest tree."""
+    return max(line.count("\t") for tree in booster.get_dump() for line in tree.splitlines())
 
 
 def learning_curve(

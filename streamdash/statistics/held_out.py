@@ -132,7 +132,8 @@ def _ln_density_of_one(learnt: np.ndarray, judged: np.ndarray) -> np.ndarray:
     grid = 0.5 * (edges[1:] + edges[:-1])
     # One stream's worth of a distribution with long tails: a value that no learnt stream came near
     # must not decide by itself.
-    floor = stats.cauchy.pdf(grid, middle, spread) / n
+    off = (grid - middle) / spread
+    floor = 1 / np.pi / (1 + off * off) / spread / n  # Cauchy's; scipy.stats checks more than it computes
     return np.interp(judged, grid, np.log((1 - 1 / n) * smooth + floor))
 
 

@@ -53,6 +53,15 @@ def test_grid_is_that_of_separate_models(streams):
     assert chosen.early_stopping_rounds is None
 
 
+def test_depths_that_no_tree_reaches_are_as_if_grown(streams):
+    """What is not grown again has the accuracy it has when it is grown by itself."""
+    arguments = {"n_trees": (5, 20), "n_folds": 3}
+    together = grid_search(streams, 0.2, SETTINGS, depths=(90, 2, 30, 60), **arguments)
+    for d, depth in enumerate((90, 2, 30, 60)):
+        alone = grid_search(streams, 0.2, SETTINGS, depths=(depth,), **arguments)
+        np.testing.assert_array_equal(together.accuracy[d], alone.accuracy[0])
+
+
 def test_grid_never_sees_test_streams(streams):
     rows = split(streams.y, SETTINGS.seed).test
     changed = streams.clean.copy()
