@@ -11,6 +11,7 @@ import os
 import signal
 import threading
 import time
+import weakref
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -32,6 +33,13 @@ ONE_THREAD = dict.fromkeys(
 """Environment of worker processes: one core each."""
 _ending = threading.Event()
 """This process is about to end."""
+_handing_out = threading.Lock()
+"""Held while worker processes are given work; none is given once `_ending` is set."""
+_given: weakref.WeakSet[Future] = weakref.WeakSet()
+"""What worker processes have been given and somebody waits for."""
+SETTLED_S = 2.0
+"""Seconds that a process which ends waits at most for loky to take up what it was given last."""
+ENDING = "This process is ending; what was finished is kept."
 
 
 class WorkerError(RuntimeError):
@@ -83,12 +91,16 @@ def _from_processes(
     coming = iter(pieces)
 
     def submit(most: int) -> set[Future[T]]:
-        with spared_from_ctrl_c():
+        with _handing_out, spared_from_ctrl_c():
+            if _ending.is_set():
+                raise WorkerError(ENDING)
             # Asked for each time, as workers that were killed or ended are replaced as a whole.
             executor = get_reusable_executor(
                 n_workers, timeout=IDLE_S, initializer=settle, initargs=(os.getpid(), nice), env=ONE_THREAD
             )
-            return {executor.submit(_work, function, piece) for piece in islice(coming, most)}
+            given = {executor.submit(_work, function, piece) for piece in islice(coming, most)}
+            _given.update(given)
+            return given
 
     waiting = submit(2 * n_workers)  # no worker waits for this process
     _end_workers_at_exit()
@@ -135,7 +147,14 @@ def _end_workers_at_exit() -> None:
     """Have a process that ends kill its workers, instead of waiting for all they have been given."""
 
     def end() -> None:
-        _ending.set()
+        with _handing_out:
+            _ending.set()
+        # Killed before it has taken up what it was given, loky's thread fails with a KeyError (3.6).
+        deadline = time.monotonic() + SETTLED_S
+        while any(not (one.running() or one.done()) for one in list(_given)):
+            if time.monotonic() > deadline:  # more than its queue holds: then it takes nothing up
+                break
+            time.sleep(0.01)
         kill_workers()
 
     before_loky_waits(end)
@@ -205,7 +224,7 @@ def _as_worker_error() -> Generator[None]:
         ) from error
     except Exception as error:
         if _ending.is_set():
-            raise WorkerError("This process is ending; what was finished is kept.") from error
+            raise WorkerError(ENDING) from error
         if not _is_of_dask(error):
             raise
         raise WorkerError(
