@@ -16,6 +16,8 @@ from streamdash.populations import wdm_mass
 
 CLASS_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 """Okabe & Ito's colour-blind-safe blue, vermilion, green and purple: models M0, M1, M2, M3."""
+COLOUR_WORDS = ("blue", "orange", "green", "purple")
+"""How people call them."""
 
 MASS_UNIT = "M☉"
 PLAIN_UNIT = "Msun"

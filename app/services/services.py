@@ -8,6 +8,7 @@ from loky import cpu_count
 
 from app.services.bell import Bell
 from app.services.cache_watch import CacheWatch
+from app.services.classrooms import Classrooms
 from app.services.results import MEMORY_BYTES, Results, Unavailable
 from app.session.catalog import SHOWN, Catalog, read_catalog
 from app.work.pool import Pool
@@ -54,6 +55,8 @@ class Services(Results):
         Simulations in the background.
     bell : Bell
         Tells sessions of changes.
+    classrooms : Classrooms
+        Classes that play the quiz together.
     watch : CacheWatch
         Notices new ensembles, once it is started.
     """
@@ -76,6 +79,7 @@ class Services(Results):
         self.uploads = uploads or UploadLimit()
         self.watch = CacheWatch(cache)
         self.bell = Bell()
+        self.classrooms = Classrooms()
 
     def catalog(self) -> Catalog:
         """Streams and ensembles there are now."""

@@ -27,6 +27,8 @@ class Player(JSComponent):
     value = param.Integer(0, doc="frame shown, when it is at rest")
     label = param.String("Film", doc="name of the slider, for screen readers")
     seconds = param.Number(5.0, doc="how long the whole film takes")
+    plays = param.Integer(0, doc="raised to play the film from its beginning")
+    autoplay = param.Boolean(False, doc="whether it plays once by itself, where motion is not unwelcome")
 
     _esm = """
     export function render({model}) {
@@ -49,6 +51,7 @@ class Player(JSComponent):
       let shown = model.value
       let playing = null
       let resting = null
+      let played = false
       const last = () => Math.max(model.captions.length - 1, 0)
 
       const show = (frame) => {
@@ -90,13 +93,18 @@ class Player(JSComponent):
         clearTimeout(resting)
         const from = shown >= last() ? 0 : shown
         let began = null
+        let told = null
         const tick = (now) => {
           began ??= now
+          told ??= now
           const frame = from + Math.floor((now - began) / 1000 / model.seconds * last())
           if (frame !== shown) { show(frame) }
+          // What is said of the film elsewhere follows it, too, but not at every frame.
+          if (now - told > 1000) { told = now; model.value = shown }
           if (shown >= last()) { stop(); rest() } else { playing = requestAnimationFrame(tick) }
         }
         show(from)
+        box.dataset.starts = Number(box.dataset.starts ?? 0) + 1
         playing = requestAnimationFrame(tick)
         say()
       }
@@ -105,14 +113,25 @@ class Player(JSComponent):
       })
       slider.addEventListener("input", () => { stop(); show(Number(slider.value)); rest() })
 
+      // The parts of a film arrive one by one: wait for the last, whichever it is.
+      const whole = () => {
+        const each = model.targets.reduce((sum, [id, column, length]) => sum + length, 0)
+        return (model.frames?.byteLength ?? 0) === 4 * each * model.captions.length
+      }
       const load = () => {
+        if (!whole()) { return }
         values = model.frames?.byteLength ? new Float32Array(model.frames) : new Float32Array(0)
         slider.max = last()
         button.disabled = slider.disabled = values.length === 0
         show(playing == null ? model.value : shown)
+        if (model.autoplay && !played && values.length > 0) {
+          played = true
+          if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches) { start() }
+        }
       }
-      model.on("frames", load)
+      for (const part of ["targets", "captions", "frames"]) { model.on(part, load) }
       model.on("value", () => { if (playing == null && model.value !== shown) { show(model.value) } })
+      model.on("plays", () => { stop(); shown = last(); start() })
       model.on("remove", () => { stop(); clearTimeout(resting) })
       say()
       load()

@@ -11,7 +11,7 @@ from app.session.catalog import Choice
 from app.ui.layout import WIDE
 from app.ui.templates import Html, fill, literally, render
 from streamdash.config import StreamModel
-from streamdash.naming import class_colour
+from streamdash.naming import CLASS_COLOURS, class_colour
 from streamdash.streams import stream_of
 
 LEGEND_STYLE = """
@@ -29,7 +29,9 @@ LEGEND_STYLE = """
 .hand { height: 3px; background: #C77C00; }
 .dots-grey { height: 6px; width: 6px; border-radius: 3px; background: #808080; }
 .dots { height: 8px; border-radius: 4px; background: var(--classes); }
-"""
+""" + "".join(
+    f".class-{i} {{ height: 3px; background: {colour}; }}\n" for i, colour in enumerate(CLASS_COLOURS)
+)
 
 
 def plain_text(text: str, **params: Any) -> Html:
@@ -85,7 +87,8 @@ def legend(entries: Sequence[tuple[str, str]], classes: int) -> Html:
     ----------
     entries
         Kind of swatch and words; kinds are ``image``, ``band``, ``line``, ``ink``, ``dashes``,
-        ``grey``, ``frame``, ``dots``, ``dots-grey``, ``hand`` (a fly-by chosen by hand) and ``none``.
+        ``grey``, ``frame``, ``dots``, ``dots-grey``, ``hand`` (a fly-by chosen by hand), ``class-0`` and
+        so on (a line in the colour of one class) and ``none``.
         Bands, lines and dots show the colours of all classes.
     classes
         Number of classes shown.

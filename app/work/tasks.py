@@ -201,9 +201,9 @@ class Watch:
 
     def follow(self, task: Task) -> None:
         """Show this task from now on, instead of any other."""
+        task.waiting_for_it += 1  # before it is left: nobody else may be waiting for it
         self.leave()
         self.following, self._seen = task, -1
-        task.waiting_for_it += 1
         if pn.state.curdoc is not None and task.active:
             # What changes while the browser still builds the page would never reach it.
             pn.state.onload(self._look_on)

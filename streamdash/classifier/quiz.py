@@ -74,6 +74,37 @@ def draw_rounds(streams: ObservedStreams, sets: Split, seed: int, rounds: int = 
     return np.array([left[c].pop() for c in rng.integers(len(left), size=rounds)])
 
 
+def spread(n_classes: int, choice: int, sure: float) -> np.ndarray:
+    """Probability of each class for somebody who is so sure of one and has no opinion on the others.
+
+    Parameters
+    ----------
+    n_classes, choice : int
+    sure : float
+        Probability of the choice; no less than blind guessing's, ``1 / n_classes``.
+    """
+    probability = np.full(n_classes, (1 - sure) / (n_classes - 1))
+    probability[choice] = sure
+    return probability
+
+
+def points(probability: np.ndarray, truth: int) -> float:
+    """Quadratic (Brier) score of stated probabilities: 100 if certain and right, 0 for blind guessing.
+
+    It is proper: whoever states what they believe has the highest expected score.
+
+    Examples
+    --------
+    >>> points(np.array([1.0, 0.0, 0.0]), 0), points(np.full(3, 1 / 3), 0)
+    (100.0, 0.0)
+    >>> points(np.array([1.0, 0.0, 0.0]), 1)
+    -200.0
+    """
+    n = len(probability)
+    missed = float(np.sum((probability - np.eye(n)[truth]) ** 2))
+    return round(100 * (1 - missed * n / (n - 1)), 9)
+
+
 def quiz_split(streams: ObservedStreams, seed: int = 0) -> Split:
     """Who is asked about (test) and who was learnt from (the rest), for a classifier of that seed."""
     return split(check_classes(streams).y, seed)

@@ -10,14 +10,18 @@ import xarray as xr
 
 from streamdash.config import StreamModel
 from streamdash.engine.flyby import Film, Flyby, kick_along_stream
+from streamdash.engine.geometry import Geometry
 from streamdash.plots.elements import framed, level_lines, line, nice_top, points
 from streamdash.plots.live import Backend, use
 from streamdash.plots.style import INK, coordinate_label, rising_alpha
 from streamdash.simulation.geometry import load_geometry
 from streamdash.store.cache import Cache
-from streamdash.survey.flyby import Scene, Seen, make_film, see, struck
+from streamdash.survey.flyby import Scene, Seen, drops, make_film, see, struck
 
-NOW, SMOOTH, STRUCK, STRIP, GAP = "now", "smooth", "struck", "strip", "gap"
+NOW, SMOOTH, STRUCK, STRIP, GAP, RAIN = "now", "smooth", "struck", "strip", "gap", "rain"
+Rain = tuple[np.ndarray, np.ndarray]
+"""Angles (n,) of random fly-bys, and (n_frames, n) how far each still is, see "
+"`streamdash.survey.flyby.drops`."""
 ALONG, ACROSS, TURN = "along", "across", "turn"
 CLEAN, NOISY, ALONE = "clean", "noisy", "alone"
 """Labels of elements."""
@@ -50,7 +54,7 @@ def film_figure(
     shown = make_film(geometry, scene)
     marks = struck(geometry, scene.flybys, shown.time_gyr)
     # Plot
-    return film_layout(shown, marks, frame, backend)
+    return film_layout(shown, marks, frame, backend, rain_of(geometry, scene, shown))
 
 
 def kick_figure(
@@ -81,12 +85,22 @@ def seen_figure(
     return draw_seen(seen, backend)
 
 
+def rain_of(geometry: Geometry, scene: Scene, shown: Film) -> Rain:
+    """Where the random fly-bys of a scene pass, and how far each still is in every frame."""
+    impacts = scene.random(geometry)
+    return np.asarray(impacts.theta), drops(impacts, shown.time_gyr)
+
+
 # ---------------------------------------------------------------- plot
 
 
-def film_frames(shown: Film, marks: np.ndarray) -> dict[tuple[str, str], np.ndarray]:
+def film_frames(
+    shown: Film, marks: np.ndarray, rain: Rain | None = None
+) -> dict[tuple[str, str], np.ndarray]:
     """What changes from frame to frame: element label and column → values of every frame."""
+    falling = {} if rain is None else {(RAIN, "y"): film_tops(shown)[0] * rain[1]}
     return {
+        **falling,
         (STRIP, "image"): np.minimum(shown.density, SHADE_TOP),
         (NOW, "y"): shown.density,
         (SMOOTH, "y"): shown.smooth,
@@ -101,8 +115,10 @@ def film_tops(shown: Film) -> tuple[float, float]:
     return nice_top(float(shown.density.max())), min(nice_top(float(np.nanmax(q))), Q_TOP)
 
 
-def draw_density(shown: Film, marks: np.ndarray, frame: int, backend: Backend) -> hv.Overlay:
-    """ρ and ρ̄ at one moment."""
+def draw_density(
+    shown: Film, marks: np.ndarray, frame: int, backend: Backend, rain: Rain | None = None
+) -> hv.Overlay:
+    """ρ and ρ̄ at one moment, and random fly-bys as drops that fall until they pass."""
     use(backend)
     ink = INK["light"]
     parts = [
@@ -112,14 +128,20 @@ def draw_density(shown: Film, marks: np.ndarray, frame: int, backend: Backend) -
         points(STRUCK, marks[frame], _mark_heights(shown, marks), HAND_COLOUR, backend, size=10),
     ]
     top = film_tops(shown)[0]
+    if rain is not None:
+        parts.append(points(RAIN, rain[0], top * rain[1][frame], GREY, backend, size=8))
     end = float(shown.theta[-1])
     overlay = framed(parts, ANGLE_LABEL, "ρ (1: near the progenitor)", (0, end), (0, top), backend)
     return _lower(overlay, backend)
 
 
-def density_columns(shown: Film, marks: np.ndarray, frame: int) -> dict[str, dict[str, Any]]:
+def density_columns(
+    shown: Film, marks: np.ndarray, frame: int, rain: Rain | None = None
+) -> dict[str, dict[str, Any]]:
     """Arrays of `draw_density`, for `LiveFigure.patch`."""
+    falling = {} if rain is None else {RAIN: {"x": rain[0], "y": film_tops(shown)[0] * rain[1][frame]}}
     return {
+        **falling,
         STRIP: {"image": [shade(shown, frame)]},
         NOW: {"x": shown.theta, "y": shown.density[frame]},
         SMOOTH: {"x": shown.theta, "y": shown.smooth[frame]},
@@ -144,9 +166,11 @@ def draw_gap(shown: Film, frame: int, backend: Backend) -> hv.Overlay:
     return _lower(overlay, backend)
 
 
-def film_layout(shown: Film, marks: np.ndarray, frame: int, backend: Backend) -> hv.Layout:
+def film_layout(
+    shown: Film, marks: np.ndarray, frame: int, backend: Backend, rain: Rain | None = None
+) -> hv.Layout:
     """One frame for a file."""
-    parts = [draw_density(shown, marks, frame, backend), draw_gap(shown, frame, backend)]
+    parts = [draw_density(shown, marks, frame, backend, rain), draw_gap(shown, frame, backend)]
     title = f"{shown.time_gyr[frame]:.2f} Gyr before today"
     parts = [part.opts(hv.opts.Overlay(title=title, backend=backend)) for part in parts]
     return hv.Layout(parts).cols(2).opts(sublabel_format="", hspace=0.3, backend="matplotlib")

@@ -87,6 +87,13 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f}" if share >= 0.1 else f"{100 * share:.2g}"
 
 
+def _pile(q: float) -> str:
+    """How many stars there are where most have gathered."""
+    if q >= 2:
+        return f"up to {q:.2g} times as many as"
+    return f"up to {_percent(max(q - 1, 0.0))} % more than"
+
+
 def mass_words(mass: float) -> str:
     """A mass for people, for example ``3.2·10⁷ M☉``."""
     power = int(np.floor(np.log10(mass) + 1e-9))
@@ -114,7 +121,8 @@ def film_sentence(shown: Film, frame: int) -> str:
         state = (
             f"the emptiest place is at θ∥ = {shown.theta[lowest]:.2f} rad, where {100 * depth:.0f} % of the "
             f"stars are missing; {width:.2g} rad of the stream lack at least half as many. "
-            f"They have not vanished: they pile up beside it, up to Qρ = {np.nanmax(q):.2g}."
+            f"They have not vanished: beside it there are {_pile(float(np.nanmax(q)))} without "
+            "a fly-by."
         )
     return f"{when}, {state}"
 
@@ -138,7 +146,11 @@ def seen_sentence(seen: Seen) -> str:
     deepest = int(np.argmin(seen.clean))
     depth = 1 - float(seen.clean[deepest])
     where = f"{coordinate_symbol(seen.coordinate)} = {seen.position[deepest]:.1f}°"
-    words = f"Without noise the deepest bin, at {where}, is {depth:.2g} below Qρ = 1"
+    words = (
+        f"Without noise the emptiest bin, at {where}, lacks {_percent(depth)} % of the stars of a stream "
+        "that "
+        f"nothing has hit (Qρ, their ratio, is {1 - depth:.2g})"
+    )
     if seen.noise > 0:
         words += f": {depth / seen.noise:.2g} times the shot noise σ_ε = {seen.noise:g} of one bin"
     if seen.n_impacts == 1:

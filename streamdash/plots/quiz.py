@@ -13,6 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from streamdash.classifier.quiz import Clue, draw_rounds, find_clue, learn, quiz_split
 from streamdash.config import EnsembleConfig
 from streamdash.naming import class_colour, class_labels
+from streamdash.observe.wording import percent
 from streamdash.plots.elements import framed, level_lines, line, nice_top, points, step_line
 from streamdash.plots.live import Backend, use
 from streamdash.plots.style import INK, coordinate_label
@@ -192,7 +193,7 @@ def clue_sentence(clue: Clue, shown: Round) -> str:
         f"{low:.2g} to {high:.2g} for {name}"
         for name, (low, high) in zip(shown.names, clue.usual, strict=True)
     )
-    sure = 100 * clue.probability[shown.truth]
+    sure = percent(float(clue.probability[shown.truth]))
     opening = (
         "What gave it away"
         if clue.probability[shown.truth] >= 0.75
@@ -201,7 +202,7 @@ def clue_sentence(clue: Clue, shown: Round) -> str:
     name = clue_words(clue, _degrees(shown.position))
     return (
         f"{opening}: the {name} is {clue.value:.2g}. Most streams (68 %) have {usual}. "
-        f"From this number alone one could be {sure:.0f} % sure of {shown.names[shown.truth]}."
+        f"From this number alone one could be {sure} sure of {shown.names[shown.truth]}."
     )
 
 

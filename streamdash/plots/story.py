@@ -12,18 +12,20 @@ from streamdash.config import EnsembleConfig, StreamModel
 from streamdash.engine.flyby import Film, Flyby, film, flyby_impacts
 from streamdash.engine.geometry import Geometry
 from streamdash.naming import class_colour
-from streamdash.plots.elements import GREY, error_bars, framed, level_lines, line, points
+from streamdash.plots.elements import GREY, error_bars, framed, level_lines, line, nice_top, points
 from streamdash.plots.flyby import HAND_COLOUR, draw_density
 from streamdash.plots.live import Backend, use
 from streamdash.plots.style import COORDINATE_LABELS, INK, coordinate_label
 from streamdash.simulation.geometry import load_geometry
+from streamdash.statistics.evidence import RULES, compare
 from streamdash.store.cache import Cache
 from streamdash.survey.design import Design
 from streamdash.survey.flyby import struck
 from streamdash.survey.observed import ObservedStreams
-from streamdash.survey.story import Pieces, Track, deviations, pieces, track
+from streamdash.survey.story import Odds, Pieces, Track, deviations, odds, pieces, track
 
 NOISE = "noise"
+THIS = "this"
 DOTS = 240
 """Dots that make up the stream on the sky."""
 PAIR_RANGE = (-0.5, 3.0)
@@ -85,6 +87,27 @@ def pieces_figure(
     return draw_pieces(shown, backend)
 
 
+def odds_figure(
+    cache: Cache,
+    ensembles: Sequence[str | EnsembleConfig],
+    noise: float,
+    number: int,
+    n_bin: int = 20,
+    rules: str = "central",
+    backend: Backend = "matplotlib",
+) -> hv.Overlay:
+    """How common the share of the stream near Qρ = 1 is in each class, and in one stream of the last."""
+    # Collect
+    streams = ObservedStreams.read(cache, ensembles)
+    # Compute
+    data = compare(streams.noisy(noise, 0), noise, n_bin, RULES[rules])
+    at = data.bin_at(1.0)
+    heavy = data.sorted_y[-1][at]
+    value = float(heavy[np.random.default_rng(number).integers(len(heavy))])
+    # Plot
+    return draw_odds(odds(data.sorted_y[0][at], heavy), value, backend)
+
+
 def pair(streams: ObservedStreams, number: int, noise: float) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Stream ``number`` of each class (n_bin,), counted on from the first where there are fewer.
 
@@ -117,7 +140,7 @@ def draw_track(shown: Track, backend: Backend) -> hv.Overlay:
         dots = dots.opts(s=8 + 60 * thickness, color=GREY, backend=backend)
     else:
         tips = [
-            ("ℓ, b", "@ell{0.0}°, @b{0.0}°"),
+            ("ℓ, latitude", "@ell{0.0}°, @b{0.0}°"),
             ("distance", "@distance{0.0} kpc"),
             ("θ∥", "@theta{0.00} rad"),
             ("ρ̄", "@density{0.00}"),
@@ -129,7 +152,7 @@ def draw_track(shown: Track, backend: Backend) -> hv.Overlay:
     pad = 3.0
     x = (float(shown.ell.min()) - pad, float(shown.ell.max()) + pad)
     y = (float(shown.b.min()) - pad, float(shown.b.max()) + pad)
-    return framed([dots, start], COORDINATE_LABELS["ell"], "b (deg)", x, y, backend)
+    return framed([dots, start], COORDINATE_LABELS["ell"], "Galactic latitude (deg)", x, y, backend)
 
 
 def draw_pair(
@@ -160,6 +183,32 @@ def pair_columns(
         found[f"clean {i}"] = {"x": design.centers, "y": q}
         found[f"noisy {i}"] = {"x": design.centers, "y": dots if noise > 0 else np.full(len(q), np.nan)}
     return found
+
+
+def draw_odds(shown: Odds, value: float, backend: Backend) -> hv.Overlay:
+    """How common each value is for two explanations, and the value that was found."""
+    use(backend)
+    data = odds_columns(shown, value)
+    parts: list[hv.Element] = [
+        line(f"class {i}", shown.value, density, class_colour(i), backend)
+        for i, density in enumerate(shown.density)
+    ]
+    parts.append(line(THIS, data[THIS]["x"], data[THIS]["y"], INK["light"], backend, dashed=True))
+    x = (float(shown.value[0]), float(shown.value[-1]))
+    top = nice_top(float(shown.density.max()))
+    return framed(parts, "density of Qρ near 1", "how common", x, (0, top), backend)
+
+
+def odds_columns(shown: Odds, value: float) -> dict[str, dict[str, np.ndarray]]:
+    """Arrays of `draw_odds`, for `LiveFigure.patch`."""
+    top = nice_top(float(shown.density.max()))
+    found = {f"class {i}": {"x": shown.value, "y": density} for i, density in enumerate(shown.density)}
+    return {**found, THIS: {"x": np.full(2, value), "y": np.array([0.0, top])}}
+
+
+def odds_table(shown: Odds) -> pd.DataFrame:
+    """The numbers of `draw_odds`."""
+    return pd.DataFrame({"density_near_1": shown.value, "first": shown.density[0], "last": shown.density[1]})
 
 
 def draw_pieces(shown: Pieces, backend: Backend) -> hv.Overlay:

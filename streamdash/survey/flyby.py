@@ -17,6 +17,9 @@ from streamdash.simulation.ensemble import theta_grid
 from streamdash.survey.design import default_design
 from streamdash.survey.sky import observe, shot_noise
 
+FALL_GYR = 0.5
+"""How long before an impact it is announced in films."""
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -42,9 +45,11 @@ class Scene:
     def impacts(self, geometry: Geometry) -> Impacts:
         """All impacts, those by hand first."""
         chosen = flyby_impacts(geometry, self.flybys)
-        if not self.crowd:
-            return chosen
-        return combine([chosen, random_impacts(geometry, self.population, self.crowd, self.seed)])
+        return combine([chosen, self.random(geometry)]) if self.crowd else chosen
+
+    def random(self, geometry: Geometry) -> Impacts:
+        """The random impacts alone."""
+        return random_impacts(geometry, self.population, self.crowd, self.seed)
 
 
 @dataclass(frozen=True)
@@ -98,6 +103,18 @@ def see(geometry: Geometry, scene: Scene, noise: float) -> Seen:
     alone = clean if len(impacts) == 1 else q(flyby_impacts(geometry, scene.flybys[-1:]))
     noisy = clean + noise * shot_noise((1, len(clean)), scene.seed)[0]
     return Seen(design.centers, design.coordinate, clean, noisy, alone, noise, len(impacts))
+
+
+def drops(impacts: Impacts, time_gyr: np.ndarray) -> np.ndarray:
+    """How far each of several impacts is still to come, to be drawn as drops that fall.
+
+    Returns
+    -------
+    (n_frames, n_impacts) array
+        From 1, `FALL_GYR` before the impact, to 0 at it; NaN before and after.
+    """
+    left = (np.asarray(time_gyr)[:, None] - np.asarray(impacts.time_gyr)[None, :]) / FALL_GYR
+    return np.where((left > -1e-9) & (left <= 1), np.maximum(left, 0), np.nan)
 
 
 def struck(geometry: Geometry, flybys: Sequence[Flyby], time_gyr: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import gaussian_kde
 
 from streamdash.engine.geometry import Geometry
 
@@ -62,6 +63,55 @@ class Pieces:
         """Shortest piece (deg) in which the ups and downs of a class exceed the noise; infinite if none."""
         seen = np.flatnonzero(self.deviation[index, 1] > self.noise)
         return float(self.width[seen[0]]) if len(seen) else float("inf")
+
+
+@dataclass(frozen=True)
+class Odds:
+    """How common each value of a number is for two explanations.
+
+    Attributes
+    ----------
+    value : (n,) array
+        Values of the number.
+    density : (2, n) array
+        How common they are if the first, or the second, explanation is true.
+    right : tuple of float
+        Share of the cases of each for which the odds point the right way.
+    """
+
+    value: np.ndarray
+    density: np.ndarray
+    right: tuple[float, float]
+
+    def at(self, value: float) -> float:
+        """Odds of the first explanation against the second, if both were equally likely before."""
+        first, second = (float(np.interp(value, self.value, d)) for d in self.density)
+        return first / second
+
+
+def odds(first: np.ndarray, second: np.ndarray, n: int = 400) -> Odds:
+    """Odds of one number whose values (n_streams,) under two explanations are known.
+
+    Densities are Gaussian kernels'; one stream's worth of a flat one is added, because a value that no
+    stream had must not be impossible.
+    """
+    pooled = np.concatenate([first, second]).astype(float)
+    pad = 0.05 * float(np.ptp(pooled)) or 1.0
+    value = np.linspace(pooled.min() - pad, pooled.max() + pad, n)
+    spread = float(np.ptp(value))
+    both = (np.asarray(first, dtype=float), np.asarray(second, dtype=float))
+    density = np.array([(1 - 1 / len(x)) * _kernel(x, value) + 1 / len(x) / spread for x in both])
+    for_first = np.interp(pooled, value, density[0]) > np.interp(pooled, value, density[1])
+    return Odds(
+        value, density, (float(for_first[: len(first)].mean()), float((~for_first[len(first) :]).mean()))
+    )
+
+
+def _kernel(sample: np.ndarray, value: np.ndarray) -> np.ndarray:
+    if np.ptp(sample) == 0:  # kernels need a scatter
+        width = 0.01 * float(np.ptp(value))
+        return np.exp(-0.5 * ((value - sample[0]) / width) ** 2) / (width * np.sqrt(2 * np.pi))
+    return gaussian_kde(sample)(value)
 
 
 def track(geometry: Geometry) -> Track:

@@ -81,7 +81,7 @@ def test_the_browser_gets_the_engines_frames(open_shell, geometry):
     np.testing.assert_allclose(frames[plot.SMOOTH][-1], today.smooth, rtol=1e-5, atol=1e-7)
     for label, source in _sources(shell).items():
         if label in frames:  # what the browser writes into must have a frame's length
-            column = "image" if label == plot.STRIP else "x" if label == plot.STRUCK else "y"
+            column = "image" if label == plot.STRIP else "x" if label == plot.STRUCK else "y"  # a drop falls
             assert np.size(source.data[column]) == frames[label].shape[1], label
 
 
@@ -136,11 +136,12 @@ def test_code_runs_as_shown_and_files_hold_what_is_shown(open_shell, shipped_cac
     monkeypatch.setenv("STREAMDASH_CACHE", str(shipped_cache))
     monkeypatch.chdir(tmp_path)
     shell = open_shell(f"{FLYBY}{TWO_MORE}&crowd=3&frame=50")
-    for card in (lesson(shell).film_card, lesson(shell).kick_card, lesson(shell).seen_card):
+    for name in ("film", "kick", "seen", "sky"):
+        card = getattr(lesson(shell), f"{name}_card")
         scope: dict = {}
         exec(compile(card._code(), "<shown>", "exec"), scope)
         assert scope["scene"] == lesson(shell).scene
-    assert {p.name for p in tmp_path.glob("*.png")} == {"film.png", "kick.png", "seen.png"}
+    assert {p.name for p in tmp_path.glob("*.png")} == {"film.png", "kick.png", "seen.png", "sky.png"}
     table = pd.read_csv(io.BytesIO(lesson(shell).seen_card.files["csv"]()))
     np.testing.assert_allclose(table.q_rho, lesson(shell).seen.clean, rtol=1e-5)
     assert (
@@ -148,3 +149,20 @@ def test_code_runs_as_shown_and_files_hold_what_is_shown(open_shell, shipped_cac
         == lesson(shell).film.density.size
     )
     assert b"<svg" in lesson(shell).film_card.files["svg"]()[:2000]
+
+
+def test_the_whole_population_rains_in_one_film(open_shell, geometry):
+    shell = open_shell(f"{FLYBY}&crowd_of=1")
+    lesson(shell).rain()
+    assert shell.session.crowd > 10
+    assert lesson(shell).player.plays == 1
+    impacts = lesson(shell).scene.random(geometry)
+    assert len(impacts) == shell.session.crowd
+    heights = sent(shell)[plot.RAIN]
+    times = lesson(shell).film.time_gyr
+    for i in range(len(impacts)):
+        seen = np.flatnonzero(np.isfinite(heights[:, i]))
+        assert times[seen[-1]] == pytest.approx(impacts.time_gyr[i], abs=times[0] - times[1])
+        assert (np.diff(heights[seen, i]) <= 1e-6).all()
+    lesson(shell).rain()  # again
+    assert lesson(shell).player.plays == 2

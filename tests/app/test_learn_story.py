@@ -9,9 +9,11 @@ import pytest
 
 from app.pages.learn.steps import STEPS
 from app.pages.learn.text import GLOSSARY
-from app.services.comparison import shared_comparison
+from app.services.comparison import noisy_profiles, shared_comparison
 from app.session.session import Session
+from streamdash.observe.wording import percent
 from streamdash.plots import story
+from streamdash.statistics.held_out import held_out
 
 STORY = "?page=learn"
 
@@ -21,12 +23,12 @@ def lesson(shell):
 
 
 def words(shell) -> str:
-    return lesson(shell).words.object
+    return lesson(shell).words.text
 
 
 def bold(shell) -> list[str]:
     """What is printed bold: the numbers that matter."""
-    return re.findall(r"\*\*([^*]+)\*\*", " ".join(words(shell).split()))
+    return re.findall(r"\*\*(?:\w+~)?([^*]+)\*\*", " ".join(words(shell).split()))
 
 
 def test_the_story_is_told_step_by_step_and_its_code_runs(open_shell, shipped_cache, tmp_path, monkeypatch):
@@ -70,7 +72,7 @@ def test_the_story_is_told_step_by_step_and_its_code_runs(open_shell, shipped_ca
 
 
 def test_the_numbers_of_the_pattern_are_the_ensembles(open_shell, services):
-    shell = open_shell(f"{STORY}&step=3")
+    shell = open_shell(f"{STORY}&step=5")
     light, heavy = shell.session.ensembles
     for choice in (light, heavy):
         assert f"{float(services.ensemble(choice.key)['n_impacts'].mean()):.0f}" in bold(shell)
@@ -84,7 +86,7 @@ def test_the_numbers_of_the_pattern_are_the_ensembles(open_shell, services):
 
 
 def test_the_noise_slider_moves_dots_and_words(open_shell, services):
-    shell = open_shell(f"{STORY}&step=4&noise=0.1")
+    shell = open_shell(f"{STORY}&step=6&noise=0.1")
     assert "100 stars" in bold(shell)
     before = np.array(lesson(shell).live.sources["noisy 0"].data["y"])
     shell.session.noise = 0.2
@@ -99,16 +101,29 @@ def test_the_noise_slider_moves_dots_and_words(open_shell, services):
 
 
 def test_the_evidence_told_is_the_evidence_pages(open_shell, services):
-    shell = open_shell(f"{STORY}&step=5&noise=0.2")
+    shell = open_shell(f"{STORY}&step=8&noise=0.2")
     found = shared_comparison(services, shell.session).evidence
-    assert bold(shell)[-2:] == [
-        f"{found.cumulative(0, 0, 1).value:.1f}",
-        f"{found.cumulative(1, 1, 0).value:.1f}",
-    ]
+    for value in (found.cumulative(0, 0, 1).value, found.cumulative(1, 1, 0).value):
+        assert f"{value:.1f}" in words(shell)
+        assert f"{value:.1f}" not in bold(shell)
+    q = noisy_profiles(services, shell.session.ensembles, 0.2)
+    judged = held_out(q[0], q[1], shell.session.n_bin)
+    assert bold(shell)[-2:] == [percent(one.right) for one in judged]
+
+
+def test_the_steps_with_classes_name_their_colours(open_shell):
+    for step in (5, 6, 8, 9):
+        shell = open_shell(f"{STORY}&step={step}")
+        assert [words for kind, words in lesson(shell).step.swatches() if kind.startswith("class-")] == [
+            "M0 · 10³–10⁵ M☉",
+            "M1 · 10⁵–10⁹ M☉",
+        ]
+        assert "(blue)" in words(shell)
+        assert "(orange)" in words(shell)
 
 
 def test_the_mass_slider_moves_the_gap_and_the_words(open_shell):
-    shell = open_shell(f"{STORY}&step=2")
+    shell = open_shell(f"{STORY}&step=4")
     before = bold(shell)
     shell.session.mass10 = 6.5
     film = lesson(shell).step.film
@@ -118,7 +133,7 @@ def test_the_mass_slider_moves_the_gap_and_the_words(open_shell):
 
 
 def test_what_it_takes_to_see_the_lightest(open_shell):
-    shell = open_shell(f"{STORY}&step=6&noise=0.1")
+    shell = open_shell(f"{STORY}&step=9&noise=0.1")
     data = lesson(shell).step.data
     assert f"{data.visible_from(0):.1f}°" in bold(shell)
     assert f"{data.deviation[0, 1, 0]:.2g}" in bold(shell)
@@ -129,16 +144,63 @@ def test_what_it_takes_to_see_the_lightest(open_shell):
 
 
 def test_steps_and_lessons_that_are_left_let_go_of_the_session(open_shell):
-    shell = open_shell(f"{STORY}&step=4")
+    shell = open_shell(f"{STORY}&step=6")
     session = shell.session
 
     def watchers() -> int:
         return sum(len(found) for kinds in session.param.watchers.values() for found in kinds.values())
 
     before = watchers()
-    for step in (2, 6, 4):
+    for step in (4, 9, 3, 6):
         session.step = step
     assert watchers() == before
     session.lesson = "flyby"
     session.lesson = "story"
     assert watchers() == before
+
+
+def test_whatever_is_predicted_the_outcome_is_computed_and_seen(open_shell):
+    shell = open_shell(f"{STORY}&noise=0.2")
+    session = shell.session
+    for number in range(1, len(STEPS) + 1):
+        session.step = number
+        prediction = lesson(shell).prediction
+        before = {name: getattr(session, name) for name in ("mass10", "noise", "seed")}
+        prediction.say(0)
+        right = [button.label.startswith("✓") for button in prediction.buttons]
+        assert sum(right) == 1
+        assert prediction.verdict.text.startswith("As you said." if right[0] else "No: ")
+        assert not re.search(r"\b(nan|inf|None)\b", prediction.verdict.text)
+        changed = {name for name in before if getattr(session, name) != before[name]}
+        assert changed <= lesson(shell).step.uses
+        said = prediction.verdict.text
+        prediction.say(1)  # the first answer counts
+        assert prediction.verdict.text == said
+
+
+def test_a_number_in_the_text_is_dragged_and_the_figure_follows(open_shell):
+    shell = open_shell(f"{STORY}&step=4")
+    session, prose = shell.session, lesson(shell).words
+    before = np.array(lesson(shell).live.sources["now"].data["y"])
+    prose.moved = ["mass10", 2, 1]
+    assert session.mass10 == 8
+    assert "mass10~1.0·10⁸ M☉" in prose.text
+    assert np.abs(lesson(shell).live.sources["now"].data["y"] - before).max() > 0.01
+    for message in (["noise", 1, 2], ["game", 1, 3], ["mass10", "x", 4], "nonsense", ["mass10", 99, 5]):
+        prose.moved = message
+    assert (session.mass10, session.noise, session.game) == (9, 0.1, 0)
+
+
+def test_the_gap_of_the_first_step_is_solved_in_the_last(open_shell):
+    shell = open_shell(STORY)
+    first = lesson(shell).step
+    assert np.isnan(lesson(shell).live.sources["truth 1"].data["y"]).all()
+    shell.session.step = len(STEPS)
+    last = lesson(shell).step
+    np.testing.assert_array_equal(first.shown.observed, last.shown.observed)
+    assert last.shown.names[last.shown.truth].replace("–", "") in words(shell).replace("–", "").replace(
+        "\\", ""
+    )
+    np.testing.assert_array_equal(
+        lesson(shell).live.sources[f"truth {last.shown.truth}"].data["y"], last.shown.clean
+    )

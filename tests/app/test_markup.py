@@ -25,9 +25,10 @@ OURS = {"a", "br", "caption", "code", "div", "h1", "h2", "p", "pre", "small", "s
 }
 LINKS = [
     *(f"?page={page.key}" for page in PAGES),
-    *(f"?page=learn&step={step}" for step in range(2, 7)),
+    *(f"?page=learn&step={step}" for step in range(2, 11)),
     "?page=learn&lesson=flyby",
     "?page=learn&lesson=quiz",
+    "?page=learn&lesson=teach",
 ]
 
 

@@ -46,7 +46,7 @@ WATCH = """
 
 def measure(page: Page) -> np.ndarray:
     """Play the film once; frame number and milliseconds of each frame that all figures painted."""
-    return np.array(page.locator(".sd-film").evaluate(WATCH))
+    return np.array(page.locator(".sd-player .sd-film").evaluate(WATCH))
 
 
 def busy(chrome: CDPSession) -> float:
@@ -63,8 +63,8 @@ def main() -> None:
     with served(arguments.cache) as address, sync_playwright() as playwright:
         browser = launch(playwright)
         page = browser.new_page(viewport={"width": 1440, "height": 900})
-        open_app(page, address, f"?page=learn&lesson=flyby{arguments.query}")
-        page.locator(".sd-film-play:enabled").wait_for()
+        open_app(page, address, f"?page=learn&lesson=flyby&frame=0{arguments.query}")
+        page.locator(".sd-player .sd-film-play:enabled").wait_for()
         chrome = page.context.new_cdp_session(page)
         chrome.send("Performance.enable", {"timeDomain": "threadTicks"})
         before = busy(chrome)

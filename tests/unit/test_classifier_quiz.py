@@ -13,7 +13,9 @@ from streamdash.classifier.quiz import (
     learn,
     measure,
     measures,
+    points,
     quiz_split,
+    spread,
 )
 from streamdash.survey.observed import ObservedStreams
 from tests.unit import made_up
@@ -79,3 +81,15 @@ def test_no_clue_is_convincing_where_noise_drowns_everything():
     rows = sets.test[::4]
     sure = [find_clue(known, observed[row], int(streams.y[row])).probability.max() for row in rows]
     assert np.median(sure) < 0.9
+
+
+@pytest.mark.parametrize("n_classes", [2, 3, 4])
+def test_nobody_gains_by_stating_what_they_do_not_believe(n_classes):
+    rng = np.random.default_rng(n_classes)
+    for _ in range(20):
+        believed = rng.dirichlet(np.ones(n_classes))
+        other = rng.dirichlet(np.ones(n_classes))
+        expected = [sum(p * points(q, c) for c, p in enumerate(believed)) for q in (believed, other)]
+        assert expected[0] > expected[1]
+    assert spread(n_classes, 1, 0.9).sum() == pytest.approx(1)
+    assert spread(n_classes, 1, 1 / n_classes) == pytest.approx(1 / n_classes)

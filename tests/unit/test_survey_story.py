@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from streamdash.survey.story import PIECES, deviations, pieces, stars_per_bin, track
+from streamdash.survey.story import PIECES, deviations, odds, pieces, stars_per_bin, track
 
 
 def test_the_track_runs_from_the_progenitor_to_where_the_density_has_fallen(geometry):
@@ -41,3 +41,12 @@ def test_a_short_stream_is_cut_into_two_pieces_at_least():
 def test_the_stars_behind_a_noise():
     assert stars_per_bin(0.1) == pytest.approx(100)
     assert stars_per_bin(0) == np.inf
+
+
+def test_the_odds_of_two_gaussians_are_their_ratio():
+    rng = np.random.default_rng(0)
+    shown = odds(rng.normal(0, 1, 4000), rng.normal(2, 1, 4000))
+    for value in (0.0, 0.5, 1.0, 1.5, 2.0):
+        assert np.log(shown.at(value)) == pytest.approx(2 - 2 * value, abs=0.35)  # ln N(0, 1) - ln N(2, 1)
+    assert shown.right == pytest.approx((0.841, 0.841), abs=0.02)  # Φ(1)
+    assert 0 < shown.at(-9) < np.inf

@@ -14,12 +14,15 @@ from streamdash.classifier.quiz import ROUNDS
 from streamdash.config import ConfigError
 from streamdash.engine.flyby import FRAMES, Flyby
 
-LESSONS = {"story": "The story", "flyby": "One fly-by", "quiz": "Guess the mass"}
-STEPS = 6
+LESSONS = {"story": "The story", "flyby": "One fly-by", "quiz": "Guess the mass", "teach": "For teachers"}
+STEPS = 10
 FLYBYS_MAX = 12
+CROWD_MAX = 100
 DIFFICULTIES = {"easy": "Easy", "medium": "Medium", "hard": "Hard", "extreme": "Very hard"}
-QUIZ_NOISE = {"easy": 0.1, "medium": 0.3, "hard": 0.6, "extreme": 1.0}
+QUIZ_NOISE = {"easy": 0.3, "medium": 0.3, "hard": 0.6, "extreme": 1.0}
 """Shot noise σ_ε per bin of each difficulty."""
+SURE = (0.6, 0.75, 0.9, 0.99)
+"""How sure one can say to be in the quiz, above a guess."""
 
 HAND = {
     "mass10": "log10_mass",
@@ -79,9 +82,19 @@ def write_flybys(flybys: Sequence[tuple[float, ...]]) -> str:
 
 
 def check_answers(text: str) -> str:
-    """Guesses of one game: four hexadecimal digits that name the game, a dash, one digit a round."""
-    if not re.fullmatch(rf"[0-9a-f]{{4}}-[0-{CLASSES_MAX - 1}]{{1,{ROUNDS}}}", text):
-        raise ValueError("must be what this page wrote, such as 1a2b-0110")
+    """Guesses of one game: four hexadecimal digits that name the game, a dash, two digits a round.
+
+    The first is the class, the second how sure one was: 0 for a guess, else the place in `SURE`, from 1.
+    """
+    if not re.fullmatch(rf"[0-9a-f]{{4}}-([0-{CLASSES_MAX - 1}][0-{len(SURE)}]){{1,{ROUNDS}}}", text):
+        raise ValueError("must be what this page wrote, such as 1a2b-0211")
+    return text
+
+
+def check_room(text: str) -> str:
+    """Code of a class."""
+    if not re.fullmatch(r"[A-Za-z0-9_-]{12}", text):
+        raise ValueError("must be the code of a class, as its link has it")
     return text
 
 
@@ -110,14 +123,17 @@ class LearnState(param.Parameterized):
         write_flybys,
         doc="fly-bys added before, values in the order of `HAND`",
     )
-    crowd = Whole(0, (0, 100), doc="random fly-bys on top")
+    crowd = Whole(0, (0, CROWD_MAX), doc="random fly-bys on top")
     crowd_of = Whole(1, (0, CLASSES_MAX - 1), doc="model whose masses the random fly-bys have")
     crowd_seed = Whole(0, (0, 9999), doc="seed of the random fly-bys")
     frame = Whole(FRAMES - 1, (0, FRAMES - 1), doc="frame of the film shown; the last is today")
-    difficulty = OneOf("easy", DIFFICULTIES, doc="difficulty of the quiz: its noise")
+    difficulty = OneOf("medium", DIFFICULTIES, doc="difficulty of the quiz: its mass ranges and noise")
+    sure = Whole(1, (0, len(SURE)), doc="how sure the next guess is: 0 a guess, else the place in `SURE`")
     game = Whole(0, (0, 9999), doc="seed of the quiz: the same ten streams for everybody")
     round = Whole(1, (1, ROUNDS), doc="round of the quiz shown")
     answers = Text("", check_answers, doc="guesses of this game so far")
+    room = Text("", check_room, doc="class that the quiz's result goes to")
+    projector = OneOf("no", ("no", "yes"), doc="whether the story is shown in large type, without controls")
     average = Whole(1, (1, 63), doc="bins averaged over in the quiz's figure")
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import holoviews as hv
@@ -9,8 +10,11 @@ import pandas as pd
 from panel.viewable import Viewable
 
 from app.page import Page
+from app.pages.learn.predict import Outcome
+from app.ui.player import Player
 from app.ui.templates import literally
 from streamdash.config import StreamModel
+from streamdash.naming import COLOUR_WORDS, model_labels
 from streamdash.plots.live import Backend, Columns
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
@@ -26,6 +30,10 @@ class Step:
     ink: tuple[str, ...] = ()
     legend: tuple[tuple[str, str], ...] = ()
     """Swatches and words, see `app.ui.legend`."""
+    question = ""
+    """What to predict, see `outcome`."""
+    by_class = False
+    """Whether the legend also names the colour of each class."""
 
     def __init__(self, page: Page) -> None:
         self.page, self.session, self.services = page, page.session, page.services
@@ -40,9 +48,32 @@ class Step:
         return literally(self.choices[0].label)
 
     @property
+    def colours(self) -> tuple[str, str]:
+        """What the colours of the lowest and of the highest mass range are called."""
+        return COLOUR_WORDS[0], COLOUR_WORDS[len(self.choices) - 1]
+
+    def swatches(self) -> list[tuple[str, str]]:
+        """The whole legend."""
+        labels = model_labels([choice.config for choice in self.choices]) if self.by_class else []
+        return [*((f"class-{i}", label) for i, label in enumerate(labels)), *self.legend]
+
+    @property
     def heavy(self) -> str:
         """The highest."""
         return literally(self.choices[-1].label)
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        """What can be answered to the question."""
+        return ()
+
+    def outcome(self) -> Outcome:
+        """What comes out of it."""
+        raise NotImplementedError
+
+    def player(self, sources: Mapping[str, Any]) -> Player | None:
+        """A player for the figure's sources, where the figure is a film."""
+        return None
 
     def compute(self) -> None:
         """Find what is shown for the session's choices."""

@@ -1,4 +1,4 @@
-"""The six steps of the story: what each computes, draws, says and links to."""
+"""Steps of the story about streams and evidence: what each computes, draws, says and links to."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ import pandas as pd
 from panel.viewable import Viewable
 
 from app import ui
+from app.pages.learn.mass import mass_slider
+from app.pages.learn.mystery import MysteryStep, OddsStep, OrbitsStep, SolvedStep
+from app.pages.learn.predict import Outcome
 from app.pages.learn.step import Link, Ranges, Step
 from app.pages.learn.text import (
     evidence_text,
@@ -17,18 +20,24 @@ from app.pages.learn.text import (
     question_text,
     stream_text,
 )
-from app.services.comparison import shared_comparison
+from app.services.comparison import noisy_profiles, shared_comparison
 from app.session.catalog import Choice
 from streamdash import streams
 from streamdash.engine.flyby import kick_along_stream
 from streamdash.engine.galpy_streams import time_unit_gyr
 from streamdash.naming import class_names
+from streamdash.observe.wording import percent
 from streamdash.plots import flyby as flyby_plot
 from streamdash.plots import flyby_words, pdf, story
 from streamdash.plots.live import Backend, Columns
-from streamdash.statistics.evidence import JEFFREYS, jeffreys
+from streamdash.statistics.held_out import held_out
 from streamdash.survey.flyby import struck
 from streamdash.survey.story import deviations, pieces, stars_per_bin, track
+
+EQUAL = 0.5
+"""Shares (%) that differ by less are equal, as far as a few thousand streams can tell."""
+STARS = (100, 1_000, 10_000, 100_000)
+"""Numbers of stars per bin to choose from."""
 
 
 class StreamStep(Step):
@@ -42,6 +51,20 @@ class StreamStep(Step):
 
     def draw(self, backend: Backend) -> hv.Overlay:
         return story.draw_track(self.track, backend)
+
+    question = "Which stars left the cluster first?"
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        return "those next to it", "those at the far end"
+
+    def outcome(self) -> Outcome:
+        drift, length = self.geometry.mean_omega / time_unit_gyr(), self.geometry.length
+        return Outcome(
+            1,
+            f"Stars drift away at {drift:.2g} rad per billion years on average; {length:.2f} rad take about "
+            f"{length / drift:.0f} billion years.",
+        )
 
     def text(self) -> str:
         distance, drift = self.track.distance, self.geometry.mean_omega / time_unit_gyr()
@@ -62,8 +85,8 @@ class StreamStep(Step):
         ell, b = self.track.ell, self.track.b
         return (
             f"The undisturbed stream on the sky today, from the progenitor at ℓ = {ell[0]:.0f}°, "
-            f"b = {b[0]:.0f}° to ℓ = {ell[-1]:.0f}°, b = {b[-1]:.0f}°, where its density has fallen to "
-            f"{100 * self.track.density[-1]:.0f} %."
+            f"latitude {b[0]:.0f}°, to ℓ = {ell[-1]:.0f}°, latitude {b[-1]:.0f}°, where its density has "
+            f"fallen to {100 * self.track.density[-1]:.0f} %."
         )
 
     def table(self) -> pd.DataFrame:
@@ -96,7 +119,7 @@ class GapStep(Step):
         self.marks = struck(self.geometry, [self.flyby], self.film.time_gyr)
 
     def controls(self) -> list[Viewable]:
-        return [ui.slider(self.page, "mass10", "Mass: log₁₀(M / M☉)", step=0.25)]
+        return [mass_slider(self.page)]
 
     def draw(self, backend: Backend) -> hv.Overlay:
         return flyby_plot.draw_density(self.film, self.marks, -1, backend)
@@ -120,6 +143,32 @@ class GapStep(Step):
             100 * (1 - float(np.nanmin(self.film.q_rho[-1]))),
         )
 
+    question = "Make the object ten times as heavy. How many stars are missing at the emptiest place?"
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        return "about as many", "more, but not ten times as many", "ten times as many"
+
+    def outcome(self) -> Outcome:
+        _, heaviest = self.session.param["mass10"].bounds
+        now = self.session.mass10
+        more = now + 1 if now + 1 <= heaviest else now - 1
+        shares = {}
+        for mass10 in (min(now, more), max(now, more)):
+            flyby = self.flyby.model_copy(update={"log10_mass": mass10})
+            shares[mass10] = 1 - float(np.nanmin(story.two_frames(self.geometry, flyby).q_rho[-1]))
+        small, large = shares.values()
+        ratio = large / small if small > 0 else np.inf
+        right = 0 if ratio < 1.2 else 1 if ratio < 8 else 2
+        return Outcome(
+            right,
+            f"{100 * small:.0f} % are missing for the lighter of the two, {100 * large:.0f} % for the "
+            "one that is "
+            "ten times as heavy: a place can lose no more stars than it has, and so the gap grows wider "
+            "instead.",
+            {"mass10": more},
+        )
+
     def sentence(self) -> str:
         return flyby_words.film_sentence(self.film, -1)
 
@@ -138,13 +187,34 @@ class ManyStep(Step):
     """Many fly-bys make a pattern."""
 
     title = "Not one, but many"
+    question = "Draw ten streams of each kind. Whose ups and downs are larger?"
     uses = frozenset({"seed"})
-    legend: tuple[tuple[str, str], ...] = (("line", "one stream of each mass range, in its colour"),)
+    by_class = True
+    legend: tuple[tuple[str, str], ...] = ()
 
     @property
     def noise(self) -> float:
         """Shot noise shown: none in this step."""
         return 0.0
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        return (
+            f"those of {self.choices[0].label}",
+            f"those of {self.choices[-1].label}",
+            "now these, now those",
+        )
+
+    def outcome(self) -> Outcome:
+        light, heavy = (q[:: max(1, len(q) // 200)].std(axis=1) for q in (self.qs[0], self.qs[-1]))
+        share = float((heavy[:, None] > light[None, :]).mean())
+        right = 1 if share > 0.9 else 0 if share < 0.1 else 2
+        return Outcome(
+            right,
+            f"Take one stream of each at random: in {100 * share:.0f} of 100 such pairs the one hit by "
+            "the heavier "
+            "objects goes up and down more.",
+        )
 
     def compute(self) -> None:
         number, noise = self.session.seed, self.noise
@@ -166,7 +236,12 @@ class ManyStep(Step):
         hits = [float(self.services.ensemble(key)["n_impacts"].mean()) for key in keys]
         size = [float(np.median(q.std(axis=1))) for q in (self.qs[0], self.qs[-1])]
         return many_text(
-            self.light, self.heavy, (hits[0], hits[1]), (size[0], size[1]), len(self.qs[0]) + len(self.qs[-1])
+            self.light,
+            self.heavy,
+            self.colours,
+            (hits[0], hits[1]),
+            (size[0], size[1]),
+            (len(self.qs[0]), len(self.qs[-1])),
         )
 
     def sentence(self) -> str:
@@ -202,10 +277,27 @@ class NoiseStep(ManyStep):
 
     title = "What a telescope counts"
     uses = frozenset({"seed", "noise"})
-    legend = (
-        ("line", "without noise, in class colour"),
-        ("dots", "as counted, with noise"),
-    )
+    legend = (("dots", "dots: with the scatter of counting; lines: without"),)
+
+    question = "Count four times as many stars. What happens to the noise?"
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        return "it falls to a quarter", "it falls to a half", "it stays"
+
+    def outcome(self) -> Outcome:
+        noise = self.session.noise
+        if noise == 0:
+            return Outcome(1, "It goes as one over the root of the number of stars.")
+        finer = round(noise / 2, 3)
+        stars = stars_per_bin(noise), stars_per_bin(finer)
+        return Outcome(
+            1,
+            f"From σ_ε = {noise:g} with {stars[0]:.0f} stars per bin to {finer:g} with {stars[1]:.0f}: "
+            "it goes as "
+            "one over the root of the number of stars.",
+            {"noise": finer},
+        )
 
     @property
     def noise(self) -> float:
@@ -223,6 +315,7 @@ class NoiseStep(ManyStep):
             self.design.step,
             self.light,
             self.heavy,
+            self.colours,
             (share[0], share[1]),
         )
 
@@ -234,10 +327,11 @@ class EvidenceStep(Step):
     """PDF(Qρ) and the Bayes factor."""
 
     title = "Weighing the evidence"
-    uses = frozenset({"noise"})
+    uses = frozenset({"noise", "n_bin", "exclude"})
+    by_class = True
     legend = (
-        ("band", "68 % of the streams of a mass range"),
-        ("line", "their median"),
+        ("line", "lines: median of the streams"),
+        ("band", "68 % of them"),
         ("grey", "bins that do not count"),
     )
 
@@ -262,9 +356,38 @@ class EvidenceStep(Step):
     def text(self) -> str:
         evidence, last = self.data.evidence, self.data.n_models - 1
         both = (evidence.cumulative(0, 0, last).value, evidence.cumulative(last, last, 0).value)
-        words = (jeffreys(both[0]), jeffreys(both[1]))
-        strong = [end for end, _ in JEFFREYS if np.isfinite(end)][-1]
-        return evidence_text(self.light, self.heavy, both, words, strong)
+        light, heavy = self._right()
+        right = percent(light / 100), percent(heavy / 100)
+        return evidence_text(self.light, self.heavy, self.colours, right, both, self.session.n_bin)
+
+    question = "Of which are we surer: that light objects hit a stream, or heavy ones?"
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        return "light ones", "heavy ones", "equally sure"
+
+    def outcome(self) -> Outcome:
+        light, heavy = self._right()
+        right = 2 if abs(light - heavy) < EQUAL else 0 if light > heavy else 1
+        return Outcome(
+            right,
+            f"Put right are {percent(light / 100)} of the streams hit by the lightest and "
+            f"{percent(heavy / 100)} of "
+            "those hit by the heaviest.",
+        )
+
+    def _right(self) -> tuple[float, float]:
+        """Percent of the streams of the lowest and the highest range that their PDF alone puts right."""
+        session, services = self.session, self.services
+        ends = (self.choices[0], self.choices[-1])
+
+        def judge() -> tuple[float, float]:
+            q = noisy_profiles(services, ends, session.noise)
+            light, heavy = held_out(q[0], q[1], session.n_bin)
+            return 100 * light.right, 100 * heavy.right
+
+        key = ("story held out", ends[0].key, ends[1].key, session.noise, session.n_bin)
+        return services.shared(key, judge)
 
     def sentence(self) -> str:
         return pdf.sentence(self.data, self.session.configs)
@@ -293,15 +416,30 @@ class QuestionStep(Step):
     title = "Could we see primordial black holes?"
     uses = frozenset({"noise"})
     ink = (story.NOISE,)
-    legend = (
-        ("line", "ups and downs of the streams, in class colour; bars: 68 % of them"),
-        ("dashes", "shot noise"),
-    )
+    by_class = True
+    legend = (("dashes", "shot noise"),)
 
     def compute(self) -> None:
         self.width = self.services.observed(self.choices).design.step
         deviation = [self._deviations(choice) for choice in self.choices]
         self.data = pieces(deviation, self.session.noise, self.width)
+
+    question = "How many stars must be counted in every bin to see the lightest objects bin by bin?"
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        return tuple(f"about {number:,}" for number in STARS)
+
+    def outcome(self) -> Outcome:
+        single = float(self.data.deviation[0, 1, 0])
+        need = stars_per_bin(single)
+        right = int(np.abs(np.log(np.array(STARS) / need)).argmin())
+        return Outcome(
+            right,
+            f"Their ups and downs are {single:.2g} of the density, so σ_ε must be no more: {need:,.0f} "
+            "stars.",
+            {"noise": round(single, 3)},
+        )
 
     def _deviations(self, choice: Choice) -> np.ndarray:
         key = ("deviations", choice.key)
@@ -321,6 +459,7 @@ class QuestionStep(Step):
         return question_text(
             self.light,
             self.heavy,
+            self.colours,
             self.session.noise,
             (self.data.visible_from(0), self.data.visible_from(len(self.choices) - 1)),
             single,
@@ -348,9 +487,19 @@ class QuestionStep(Step):
         return [
             ("The Spectrum page: ups and downs of every size against noise", {"page": "spectrum"}),
             ("The Classifier page: how well a program tells the masses apart", {"page": "classifier"}),
-            ("Guess the mass yourself", {"lesson": "quiz"}),
         ]
 
 
-STEPS: tuple[type[Step], ...] = (StreamStep, GapStep, ManyStep, NoiseStep, EvidenceStep, QuestionStep)
+STEPS: tuple[type[Step], ...] = (
+    MysteryStep,
+    StreamStep,
+    OrbitsStep,
+    GapStep,
+    ManyStep,
+    NoiseStep,
+    OddsStep,
+    EvidenceStep,
+    QuestionStep,
+    SolvedStep,
+)
 """The story, in order."""

@@ -1,21 +1,51 @@
-"""Learn page, the story: six steps, each with words, one live figure and links to the full pages."""
+"""Learn page, the story: each step with words, something to predict, one live figure and links."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import panel as pn
 from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
+from app.pages.learn.layout import FIGURE_FIRST
+from app.pages.learn.predict import Prediction
+from app.pages.learn.prose import Prose
 from app.pages.learn.steps import STEPS, Step
 from app.pages.learn.text import GLOSSARY
 from app.session.listing import ensembles_code
-from app.session.session import link_to
+from app.session.session import Session, link_to
 from app.ui.browser import Links
 from streamdash.config import StreamModel
 from streamdash.plots.live import LiveFigure, export
 
+DRAGGED = {"mass10": 0.25, "noise": 0.02}
+"""Numbers that can be dragged in the text, and their steps."""
 USES = frozenset({"step", "theme"}).union(*(step.uses for step in STEPS))
+
+FOOT = {
+    "position": "sticky",
+    "bottom": "0",
+    "z-index": "5",
+    "background": "var(--mui-palette-background-default, Canvas)",
+}
+"""Back and Next stay in sight, however long the text is."""
+
+WALL = {"--sd-prose-size": "clamp(22px, 1.6vw, 40px)"}
+"""Type that is read from the last row of a room."""
+
+
+def projected(session: Session) -> bool:
+    """Whether the story is shown on a wall: large, and without controls."""
+    return session.lesson == "story" and session.projector == "yes"
+
+
+def enlarge(figure: Any) -> None:
+    """Make a Bokeh figure readable from afar."""
+    figure.update(height=600)
+    for axis in figure.axis:
+        axis.update(axis_label_text_font_size="22px", major_label_text_font_size="20px")
 
 
 class StoryLesson:
@@ -29,6 +59,7 @@ class StoryLesson:
 
     def view(self) -> Viewable:
         """Navigation, the step, the glossary."""
+        session, wall = self.session, projected(self.session)
         titles = {f"{i}": i for i in range(1, len(STEPS) + 1)}
         self.back = ui.button("Back", lambda: self._go(-1), css_classes=["sd-back"], margin=(4, 10))
         self.on = ui.button("Next step", lambda: self._go(1), css_classes=["sd-on"], margin=(4, 10))
@@ -36,10 +67,29 @@ class StoryLesson:
         glossary = pn.pane.Markdown(
             GLOSSARY, renderer_options={"html": False}, sizing_mode=ui.WIDE, margin=(0, 8)
         )
+        foot = [self.back, self.on]
+        if wall:
+            foot.append(
+                ui.button(
+                    "Usual screen",
+                    lambda: session.param.update(projector="no"),
+                    css_classes=["sd-usual"],
+                    margin=(4, 10),
+                )
+            )
+        parts: list[Viewable] = [self.slot, pn.Row(*foot, margin=0, styles=FOOT, css_classes=["sd-foot"])]
+        if not wall:
+            words = "Glossary: every word and symbol"
+            steps = ui.toggle(self.page, "step", "Step", titles)
+            steps[1].sx = {**steps[1].sx, "& button": {"padding": "7px 15px"}}  # large enough for a finger
+            parts = [
+                ui.controls(steps),
+                *parts,
+                ui.folded(words, [glossary], "glossary", title_variant="subtitle1"),
+            ]
         return pn.Column(
-            ui.controls(ui.toggle(self.page, "step", "Step", titles), self.back, self.on),
-            self.slot,
-            ui.folded("Glossary: every word and symbol", [glossary], "glossary", title_variant="subtitle1"),
+            *parts,
+            styles=WALL if wall else {},
             sizing_mode=ui.WIDE,
             margin=0,
         )
@@ -76,38 +126,47 @@ class StoryLesson:
         self.step: Step = STEPS[session.step - 1](self.inner)
         self.live = LiveFigure(self.step.draw("bokeh"), ink=self.step.ink)
         self.live.set_ink(session.theme == "dark")
-        self.words = pn.pane.Markdown(
-            "", renderer_options={"html": False}, margin=(0, 4), sizing_mode=ui.WIDE, css_classes=["sd-story"]
-        )
+        self.words = Prose(margin=(0, 4), sizing_mode=ui.WIDE, css_classes=["sd-story"])
+        self.words.on_move(self._move)
         self.links = Links(sizing_mode=ui.WIDE, margin=(4, 4), css_classes=["sd-links"])
         step = self.step
+        self.prediction = Prediction(step.question, step.answers, step.outcome, self._reveal)
+        self.player = step.player(self.live.sources)
+        figure = ui.figure_grid([self.live.figure])
+        if self.player is not None:
+            figure = pn.Column(self.player, figure, sizing_mode=ui.WIDE, margin=0)
         self.card = ui.FigureCard(
             step.title,
-            self.live.figure,
+            figure,
             name=f"story-{session.step}",
             image=lambda kind: export(step.draw("matplotlib"), kind),
             table=step.table,
             code=self.code,
-            legend=ui.legend(step.legend, len(session.ensembles)),
+            legend=ui.legend(step.swatches(), len(session.ensembles)),
         )
         self._say()
         left = pn.Column(
             ui.heading(f"{session.step}. {step.title}"),
             self.words,
+            self.prediction.view,
             self.links,
             margin=0,
             styles={"flex": "1 1 340px", "min-width": "0", "max-width": "680px"},
         )
+        if projected(session):
+            enlarge(self.live.figure)
         right = pn.Column(
-            ui.controls(*step.controls()),
+            *([] if projected(session) else [ui.controls(*step.controls())]),
             self.card.view,
             margin=0,
             styles={"flex": "1.4 1 420px", "min-width": "0"},
         )
-        self.slot[:] = [pn.FlexBox(left, right, gap="4px 24px", sizing_mode=ui.WIDE, margin=0)]
+        self.slot[:] = [
+            pn.FlexBox(left, right, gap="4px 24px", sizing_mode=ui.WIDE, margin=0, **FIGURE_FIRST)
+        ]
 
     def _say(self) -> None:
-        self.words.object = self.step.text()
+        self.words.text = self.step.text()
         self.card.say(self.step.sentence())
         self._link()
 
@@ -116,6 +175,19 @@ class StoryLesson:
 
     def _go(self, by: int) -> None:
         self.session.step = min(max(self.session.step + by, 1), len(STEPS))
+
+    def _reveal(self, changes: dict[str, Any]) -> None:
+        """Let it be seen what was asked for a prediction."""
+        if self.player is not None:
+            self.player.plays += 1
+        self.session.param.update(**changes)
+
+    def _move(self, name: str, steps: int) -> None:
+        """A number in the text was dragged."""
+        if name in DRAGGED and name in self.step.uses:
+            low, high = self.session.param[name].bounds
+            value = round(getattr(self.session, name) + steps * DRAGGED[name], 3)
+            setattr(self.session, name, min(max(value, low), high))
 
     def _limit(self) -> None:
         self.back.disabled = self.session.step == 1

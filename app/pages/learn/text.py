@@ -7,7 +7,7 @@ import math
 GLOSSARY = """
 | word or symbol | meaning |
 |---|---|
-| **b** | impact parameter: the distance at which an object passes the stream |
+| **b** | impact parameter, or closest approach: the distance at which an object passes the stream |
 | **Bayes factor, ln B** | how much more probable an observation is under one hypothesis than under another, and its natural logarithm |
 | **bin** | a short stretch of the stream in which stars are counted together |
 | **classifier** | a program that has seen many simulated streams with their answers and guesses the answer of a new one |
@@ -15,7 +15,7 @@ GLOSSARY = """
 | **fiducial** | the hypothesis that is taken to be true while one asks how sure one could be of it |
 | **Gyr** | gigayear, a billion years |
 | **kpc, pc** | kiloparsec, parsec: lengths; light takes 3.26 years for one parsec |
-| **ℓ, b (deg)** | Galactic longitude and latitude: the position on the sky as seen from the Sun |
+| **ℓ (deg)** | Galactic longitude; with the Galactic latitude it gives the position on the sky as seen from the Sun |
 | **φ₁, ξ (deg)** | longitude in a frame of the sky in which the stream lies nearly flat: φ₁ of GD-1, ξ of Palomar 5, counted from the cluster |
 | **M☉** | the mass of the Sun |
 | **M0, M1, …** | the hypotheses compared: mass ranges of the dark objects, lightest first |
@@ -46,7 +46,7 @@ def stream_text(
     drift: float,
     length: float,
 ) -> str:
-    """Step 1; `symbol` is of the longitude of the stream's frame, in which it is shown unless `galactic`."""
+    """The stream; `symbol` is of the longitude of the stream's frame, in which it is shown unless `galactic`."""
     leave = (
         "Some leave inwards, where orbits are quicker,\nand run ahead"
         if leading
@@ -56,7 +56,7 @@ def stream_text(
     where = "Two coordinates say where along it we are: Galactic longitude **ℓ**, as seen in the sky, and the angle"
     if not galactic:
         where = (
-            f"On the map the stream lies in Galactic longitude **ℓ** and latitude *b*. Two coordinates say where "
+            f"On the map the stream lies in Galactic longitude **ℓ** and latitude. Two coordinates say where "
             f"along it we are: **{symbol}**, the longitude of a frame of the sky in which the stream lies nearly "
             "flat, and the angle"
         )
@@ -76,92 +76,173 @@ nothing disturbs the stream it is smooth, and then it is called **ρ̄**.
 """
 
 
-def gap_text(mass: str, r_s: str, b: str, speed: float, kick: float, time: float, missing: float) -> str:
-    """Step 2."""
+def mystery_text(noise: float, low: float, high: float) -> str:
+    """How it begins."""
     return f"""
-Dark matter is expected to come in clumps. We cannot see one, but a stream can feel it. Let an object of
-**{mass}** (M☉ is the mass of the Sun) and size {r_s} pass at {b}. For a moment it pulls on the stars
-nearby. That *kick* changes their velocity along the stream by at most **{kick:.2g} km/s**, while they
-orbit at {speed:.0f} km/s.
+Here is a stream of stars, counted piece by piece along the sky. Where the counts are high, stars have gathered;
+where they are low, there is a **gap**. An undisturbed stream would give the dashed line.
 
-Stars behind the point that was hit are pulled forward: they gain energy, rise to a larger and slower orbit
-and fall back. Stars ahead are pulled back, sink to a quicker orbit and run away. Both leave the place
-that was hit, and a **gap** opens.
+Averaged over a few degrees these counts go from **{low:.2f}** to **{high:.2f}** of what is expected; counting
+alone blurs every dot by {noise:g}. Something came by and left these marks. Nobody saw it: it gives no light.
 
-Here the fly-by was {time:.1f} Gyr ago. Today, where the stream is emptiest, **{missing:.0f} %** of its stars
-are missing (line: today; dashed: without the fly-by). Change the mass and see how the gap answers.
+**Who made this gap?** By the end you will have weighed it.
 """
 
 
-def many_text(light: str, heavy: str, hits: tuple[float, float], size: tuple[float, float], n: int) -> str:
-    """Step 3."""
+def orbits_text(kick: float, real: float) -> str:
+    """Pulled forward falls back."""
     return f"""
-A stream is hit more than once. If the dark objects have **{light}** each, this one is hit
-**{hits[0]:.0f}** times on average; if they have **{heavy}**, **{hits[1]:.0f}** times. Many gaps overlap,
+Three stars start from one place on one orbit. One is left alone. One is *pulled forward*: it gains **{kick:g}
+km/s**. One is *held back* and loses as much.
+
+Who will be ahead? Think of a race on a round track, and then play the film. The orbits are computed in the
+pull of the whole Galaxy; only the kick is enlarged, to be seen at once. A real fly-by of the next step gives
+**{real:.2g} km/s**, and has billions of years.
+"""
+
+
+def odds_text(
+    light: str, heavy: str, colours: tuple[str, str], low: float, high: float, value: float, odds: float
+) -> str:
+    """One number, two explanations."""
+    winner, factor = (light, odds) if odds >= 1 else (heavy, 1 / odds)
+    return f"""
+Take one number from a stream: how much of it lies within {low:.2f} < Qρ < {high:.2f}, close to undisturbed (as a
+density per unit of Qρ). The figure shows how often each value occurs in streams hit by {light} ({colours[0]})
+and in streams hit by {heavy} ({colours[1]}).
+
+Now one new stream has **{value:.2f}** (vertical line). Read off both curves there: it is **{factor:.3g} times** as
+common for {winner}. If both were equally likely before, these are the **odds** now.
+
+That is all there is to evidence: how often would each explanation give what was seen? Draw others and see
+how the odds differ from stream to stream.
+"""
+
+
+def solved_text(name: str, hits: int, value: str, usual: str) -> str:
+    """Whose gap it was."""
+    return f"""
+The stream of the first page was one of ours: it was hit by **{hits}** objects of **{name}**. The coloured line
+is the same stream without the scatter of counting.
+
+What gives it away most is one number: {value}. Of the streams hit by {name}, 68 % have {usual}.
+
+And the real one? The stream **GD-1** has a gap that no known cluster or cloud has made. Its star counts belong
+to their authors and do not come with this program. Open the *Observe* page: it has an example of the same
+form, made by simulation, and takes the real counts if you have them as a file.
+"""
+
+
+def gap_text(mass: str, r_s: str, b: str, speed: float, kick: float, time: float, missing: float) -> str:
+    """One fly-by."""
+    return f"""
+Dark matter is expected to come in clumps. We cannot see one, but a stream can feel it. Let an object of
+**mass10~{mass}** (M☉ is the mass of the Sun) and size {r_s} pass at {b}. For a moment it pulls on the stars
+nearby. That *kick* changes their velocity along the stream by at most **{kick:.2g} km/s**, while they
+orbit at {speed:.0f} km/s.
+
+Stars behind the point that was hit are pulled forward, and fall back. Stars ahead are pulled back, and run
+away. Both leave the place that was hit, and a **gap** opens.
+
+Here the fly-by was {time:.1f} Gyr ago. Today, where the stream is emptiest, **{missing:.0f} %** of its stars
+are missing (line: today; dashed: without the fly-by). Drag the mass and see how the gap answers.
+"""
+
+
+def many_text(
+    light: str,
+    heavy: str,
+    colours: tuple[str, str],
+    hits: tuple[float, float],
+    size: tuple[float, float],
+    n: tuple[int, int],
+) -> str:
+    """Many of them."""
+    return f"""
+A stream is hit more than once. If the dark objects have **{light}** each ({colours[0]}), this one
+is hit **{hits[0]:.0f}** times on average; if they have **{heavy}** ({colours[1]}), **{hits[1]:.0f}** times. Many gaps overlap,
 refill and are hit again: no single one can be traced back any more. What is left is a pattern.
 
 To see the pattern alone, divide the density by that of the undisturbed stream: **Qρ = ρ / ρ̄**. It is 1
 where nothing has changed, 0 where no star is left. The lines are one simulated stream for each of the mass
-ranges. In the middle one of {n} streams Qρ goes up and down by **{size[0]:.2g}** for {light} and by
-**{size[1]:.2g}** for {heavy}.
+ranges. In the middle one of {n[0]} streams hit by {light} Qρ goes up and down by **{size[0]:.2g}**; in the middle
+one of {n[1]} hit by {heavy} by **{size[1]:.2g}**.
 
 Draw others: every stream is different, as every throw of dice is, but each kind keeps its character.
 """
 
 
 def noise_text(
-    noise: float, stars: float, n_bin: int, width: float, light: str, heavy: str, share: tuple[float, float]
+    noise: float,
+    stars: float,
+    n_bin: int,
+    width: float,
+    light: str,
+    heavy: str,
+    colours: tuple[str, str],
+    share: tuple[float, float],
 ) -> str:
-    """Step 4."""
+    """The telescope."""
     counted = (
-        f"σ_ε = {noise:g} means about **{stars:.0f} stars** per bin."
+        f"**noise~σ_ε = {noise:g}** means about **{stars:.0f} stars** per bin."
         if math.isfinite(stars)
-        else "σ_ε = 0 would take endlessly many stars."
+        else "**noise~σ_ε = 0** would take endlessly many stars."
     )
     return f"""
 A telescope counts stars, here in {n_bin} *bins* of {width:.1f}° along the stream. Even where the density is
 smooth, counts scatter: of N stars expected, one finds N give or take √N. This **shot noise**, relative to
 the smooth density, is called **σ_ε** (“sigma epsilon”), and σ_ε = 1/√N. {counted}
 
-The dots are the streams of before as such a telescope would see them. A bin says something only if it
-is off by more than the noise. Without noise, **{share[0]:.0f} %** of all bins of streams hit by {light} are
-farther than {noise:g} from Qρ = 1, and **{share[1]:.0f} %** of those hit by {heavy}.
+The dots are the streams of before as such a telescope would see them. (Here, as in the paper, every bin is
+given the same Gaussian scatter; where that is large, some dots fall below 0, as no real count can.) A bin
+says something only if it is off by more than the noise. Without noise, **{share[0]:.0f} %** of all bins of streams hit by {light}
+({colours[0]}) are farther than {noise:g} from Qρ = 1, and **{share[1]:.0f} %** of those hit by {heavy}
+({colours[1]}).
 
-Move the noise up, and watch the quieter streams disappear first.
+Drag the noise up, and watch the quieter streams disappear first.
 """
 
 
 def evidence_text(
-    light: str, heavy: str, ln_bayes: tuple[float, float], words: tuple[str, str], strong: float
+    light: str,
+    heavy: str,
+    colours: tuple[str, str],
+    right: tuple[str, str],
+    ln_bayes: tuple[float, float],
+    n_bin: int,
 ) -> str:
-    """Step 5."""
+    """The evidence."""
     return f"""
 Which masses made a pattern that we see? Forget where along the stream each value of Qρ is, and count how
 often it occurs. That is **PDF(Qρ)**, the *probability density function*. Each mass range has a typical one
 (line), which 68 % of its streams follow within the coloured band. Where bands are apart, a measurement can
 decide.
 
-How well, says the **Bayes factor** B: how many times more probable the data are if one mass range is true
-than if the other is. Its logarithm, ln B, adds up over the bins of the PDF. If the objects really have
-{light}, ln B is **{ln_bayes[0]:z.1f}** in favour of the truth ({words[0]}); if they have {heavy}, it is
-**{ln_bayes[1]:z.1f}** ({words[1]}). By custom more than {strong:g} is called strong.
+How well? Learn the PDFs from one half of the streams and judge the other half by them. The truth wins for
+**{right[0]}** of the streams hit by {light} ({colours[0]}) and for **{right[1]}** of those hit by
+{heavy} ({colours[1]}).
 
-Neighbouring bins are not independent, so these sums promise too much; the full page has the honest ones.
+Statisticians put it as the *Bayes factor* B: how many times more probable the data are if one mass range is
+true than if the other is. Bin by bin the logarithms, ln B, can be added; over {n_bin} bins they make
+{ln_bayes[0]:z.1f} for {light} and {ln_bayes[1]:z.1f} for {heavy}. Such sums promise too much, because
+neighbouring bins are not independent. That is why the number to trust is the share of streams put right.
 """
 
 
 def question_text(
     light: str,
     heavy: str,
+    colours: tuple[str, str],
     noise: float,
     seen: tuple[float, float],
     single: float,
     width: float,
     stars: tuple[float, float],
 ) -> str:
-    """Step 6."""
+    """The question."""
     words = []
-    for name, length in zip((light, heavy), seen, strict=True):
+    for name, colour, length in zip((light, heavy), colours, seen, strict=True):
+        name = f"{name} ({colour})"
         if math.isfinite(length):
             words.append(f"those of {name} in pieces of **{length:.1f}°** and longer")
         else:
@@ -176,10 +257,9 @@ the dark matter and gather in clusters of {light}, each cluster kicks only softl
 
 Cut the streams into pieces and ask how far a piece’s density is from the smooth one. In longer pieces noise
 averages out (dashed), while the ups and downs of the stream remain (lines; bars hold 68 % of the streams). At
-σ_ε = {noise:g} the ups and downs exceed the noise as follows: {words[0]}; {words[1]}.
+**noise~σ_ε = {noise:g}** the ups and downs exceed the noise as follows: {words[0]}; {words[1]}.
 
 To see {light} in single bins of {width:.1f}° takes σ_ε below **{single:.2g}**: about
 **{stars[0]:.0f} stars** per bin{more}. And to see is not yet to know: heavier objects make gaps, too. To tell
-the masses apart takes the whole pattern, which is what the other pages weigh. You can also try it yourself:
-guess the mass.
+the masses apart takes the whole pattern, which is what the other pages weigh.
 """
