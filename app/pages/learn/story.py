@@ -80,7 +80,7 @@ class StoryLesson:
         parts: list[Viewable] = [self.slot, pn.Row(*foot, margin=0, styles=FOOT, css_classes=["sd-foot"])]
         if not wall:
             words = "Glossary: every word and symbol"
-            steps = ui.toggle(self.page, "step", "Step", titles)
+            steps: Any = ui.toggle(self.page, "step", "Step", titles)
             steps[1].sx = {**steps[1].sx, "& button": {"padding": "7px 15px"}}  # large enough for a finger
             parts = [
                 ui.controls(steps),
