@@ -14,7 +14,15 @@ import numpy as np
 from pydantic import Field
 
 from streamdash.config import Config, Finite
-from streamdash.observe.names import error_stem, error_unit_of, is_beside, is_error, one_sided, plain_name
+from streamdash.observe.names import (
+    error_stem,
+    error_unit_of,
+    is_beside,
+    is_error,
+    one_sided,
+    other_side,
+    plain_name,
+)
 from streamdash.observe.table import ObservationError, Table, shown
 from streamdash.survey.design import AS_IS, ORDER_MAX
 
@@ -312,8 +320,9 @@ def _error(
 ) -> tuple[str | None, bool]:
     """The column with the error of the value, and whether that is clear.
 
-    Clear is a namesake, or the only error column that is no other column's; without a header, the
-    only column that is left.
+    Clear is a namesake, or the only error column that is no other column's, or a lower and an upper error
+    that belong together (the first of them is named, both are used); without a header, the only column
+    that is left.
     """
     if not table.header:
         return (others[0] if others else None), len(others) == 1
@@ -328,6 +337,8 @@ def _error(
     unnamed = [n for n, stem in stems.items() if not stem or stem not in theirs]
     for group, clear in ((own, True), (near, True), (unnamed, expected)):
         if len(group) == 1 and not one_sided(group[0]):
+            return group[0], clear
+        if len(group) == 2 and other_side(group[0], group) == group[1]:
             return group[0], clear
         if group:
             return None, False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import Literal
 
 _ERROR = re.compile(
@@ -16,7 +17,8 @@ _WHOLE = frozenset({*_MARKS, "e", "d", "rms", "percent", "perc", "pct", "frac", 
     "relative",
     "σ",
 }
-_SIDES = frozenset("lo low lower min minus m neg hi high upp upper up max plus p pos 16 84".split())
+_LOWER = frozenset("lo low lower min minus m neg 16".split())
+_UPPER = frozenset("hi high upp upper up max plus p pos 84".split())
 _BESIDE = frozenset("phi2 eta b glat ra dec id bin index row".split())
 _PERCENT = re.compile(r"percent|perc|pct|%")
 _FRACTION = re.compile(r"frac|relative|(^|[_ .-])rel([_ .-]|$)|^relerr|errrel$")
@@ -53,9 +55,36 @@ def error_stem(name: str) -> str:
 
 def one_sided(name: str) -> bool:
     """Whether an error column is called that of one side alone."""
-    words = [plain_name(w) for w in re.split(r"[_ .()\[\]-]+", name.strip().lower())]
-    sides = ("lower", "upper", "minus", "plus")
-    return any(word in _SIDES or word.endswith(sides) for word in words) or name.strip()[-1:] in ("+", "-")
+    return _side(name) is not None
+
+
+def other_side(name: str, names: Iterable[str]) -> str | None:
+    """The column with the error of the other side, ``err_hi`` of ``err_lo``; None where there is not one.
+
+    In the catalogues of the CDS ``e_x`` is the lower error of x where there is ``E_x`` too.
+    """
+    if name[:2] in ("e_", "E_"):
+        twin = name[0].swapcase() + name[1:]
+        return twin if twin in names else None
+    mine = _side(name)
+    if mine is None:
+        return None
+    found = [n for n in names if is_error(n) and _side(n) == (mine[0], not mine[1])]
+    return found[0] if len(found) == 1 else None
+
+
+def _side(name: str) -> tuple[str, bool] | None:
+    """What is left of an error column's name without its side, and whether that is the upper one."""
+    stripped = name.strip().lower()
+    if stripped[-1:] in ("+", "-"):
+        return plain_name(stripped[:-1]), stripped[-1] == "+"
+    words = [plain_name(w) for w in re.split(r"[_ .()\[\]-]+", stripped)]
+    for i, word in enumerate(words):
+        for sides, endings, upper in ((_LOWER, ("lower", "minus"), False), (_UPPER, ("upper", "plus"), True)):
+            ending = word if word in sides else next((e for e in endings if word.endswith(e)), None)
+            if ending is not None:
+                return "".join([*words[:i], word.removesuffix(ending), *words[i + 1 :]]), upper
+    return None
 
 
 def is_beside(name: str) -> bool:

@@ -22,6 +22,7 @@ from streamdash.observe.checks import (
     rising,
 )
 from streamdash.observe.guess import ERROR_UNITS, KINDS, Assumptions, assume, open_questions
+from streamdash.observe.names import other_side
 from streamdash.observe.stars import counted
 from streamdash.observe.table import ObservationError, Table, read_table, shown
 from streamdash.survey.design import AS_IS, Design, Quantity, divisible, polynomial_fit, smooth_curve, window
@@ -150,7 +151,9 @@ def interpret(table: Table, assumptions: Assumptions, geometry: Geometry) -> Obs
     rows, low, high, value, lines = rows[used], low[used], high[used], value[used], lines[used]
     relative, error = _values_and_errors(table, a, rows, high - low, notes)
     design, q = _design(a, low, high, relative, error, notes)
-    a = a.model_copy(update={"order": design.order})
+    other = other_side(a.error, table.names) if a.error else None
+    named = f"mean of {a.error} and {other}" if other else a.error
+    a = a.model_copy(update={"order": design.order, "error": named})
     ends = [to_theta(geometry, end, design.coordinate) for end in (design.low, design.high)]
     n_near = int(np.count_nonzero(np.min(ends, axis=0) < NEAR_PROGENITOR))
     counts = (len(present), n_outside, n_missing, n_near)
@@ -269,6 +272,19 @@ def _check_count(n: int, n_outside: int) -> None:
 # ---------------------------------------------------------------- values
 
 
+def _one_error(table: Table, name: str) -> np.ndarray:
+    """The column of errors; where it is one of a lower and an upper error, the mean of their sizes.
+
+    The noise of simulated streams is Gaussian, which has one width. A lower error may be given as a negative
+    number.
+    """
+    other = other_side(name, table.names)
+    if other is None:
+        return table.column(name)
+    sides = [table.column(side) for side in (name, other)]
+    return np.mean([-side if (side[np.isfinite(side)] <= 0).all() else side for side in sides], axis=0)
+
+
 def _values_and_errors(
     table: Table, a: Assumptions, rows: np.ndarray, width: np.ndarray, notes: list[str]
 ) -> tuple[np.ndarray, np.ndarray | None]:
@@ -278,7 +294,7 @@ def _values_and_errors(
     if a.error_kind == "column":
         if a.error is None:
             raise ObservationError("Name the column with the errors, or choose constant or Poisson errors.")
-        error = table.column(a.error)[rows]
+        error = _one_error(table, a.error)[rows]
         if a.error_unit != "value":
             error = error * value / (100.0 if a.error_unit == "percent" else 1.0)
         check_errors(error, lines, a.error)

@@ -53,7 +53,8 @@ def report(verdict: Verdict, observation: Observation, prepared: Prepared) -> di
     dict
         ``verdict`` (one of `VERDICTS`), ``answer``, ``agreement`` and ``would_change`` (text), ``limits``
         (sentences), ``robustness`` (rows of `streamdash.observe.robustness`, see
-        `streamdash.observe.wording.tried`), ``detected`` and
+        `streamdash.observe.wording.tried`), ``detected``
+        (bool: whether a perturbation is seen at all; where not, none of the classes is claimed),
         ``resembles`` (bool), ``warnings`` (sentences, none where nothing is doubtful), ``smooth_p``,
         ``hangs_on`` (what assumption about the data a sure answer hangs on, empty where none is suspected),
         ``abundance`` (probabilities if it is free, None where they are not known), ``resemblance``,
@@ -156,7 +157,12 @@ def verdict_of(result: dict[str, Any]) -> str:
 
 
 def warnings(result: dict[str, Any]) -> list[str]:
-    """What makes the answer doubtful, one sentence each; none where nothing does."""
+    """What makes the answer doubtful, one sentence each; none where nothing does.
+
+    That nothing is detected is an answer, ``detected`` and the first words of ``answer``, and no doubt about
+    data or models: it is not repeated here, and what there would be to doubt about a class is not either, as
+    none is claimed.
+    """
     best = _best(result)
     rival = max(result["classes"], key=lambda c: c["ln_bayes"])
     found = []
@@ -164,13 +170,12 @@ def warnings(result: dict[str, Any]) -> list[str]:
         found.append("The profile resembles none of the compared classes; do not use the probabilities.")
     elif result["hangs_on"]["kind"]:
         found.append(misfit.WORDS[result["hangs_on"]["kind"]])
-    if not result["detected"]:
-        found.append("No perturbation is seen at this noise: a smooth stream would look alike.")
-    if result["resembles"] and best["low"] < 0.5 < best["high"]:
+    claimed = result["resembles"] and result["detected"]
+    if claimed and best["low"] < 0.5 < best["high"]:
         found.append("Observed again, the same stream might be put to another class.")
-    if result["resembles"] and rival["ln_bayes"] - best["ln_bayes"] > STRONG:
+    if claimed and rival["ln_bayes"] - best["ln_bayes"] > STRONG:
         found.append(f"The distribution of Qρ alone is strong evidence for {name(rival)} instead.")
-    if result["resembles"] and _honest(result) < DECIDED <= best["probability"]:
+    if claimed and _honest(result) < DECIDED <= best["probability"]:
         found.append(f"The abundance decides. {abundance_words(result)}")
     return [*found, *_nested(result)]
 
@@ -240,7 +245,7 @@ def _best(result: dict[str, Any]) -> dict[str, Any]:
 
 
 def answer(result: dict[str, Any]) -> str:
-    """What may be quoted: the verdict's word, and a sentence with its condition."""
+    """What may be quoted: the verdict's word, what decides or forbids it, and a sentence with its condition."""
     if result["verdict"] == NOTHING:
         return (
             "Nothing detected. No perturbation is seen at this noise: the data are as a smooth stream would "
@@ -248,8 +253,9 @@ def answer(result: dict[str, Any]) -> str:
             f"{_sentence(result)}"
         )
     hangs_on = misfit.WORDS.get(result["hangs_on"]["kind"], "") if result["resembles"] else ""
+    nested = _nested(result) if result["resembles"] else []
     return " ".join(
-        part for part in (f"{result['verdict'].capitalize()}.", hangs_on, _sentence(result)) if part
+        part for part in (f"{result['verdict'].capitalize()}.", hangs_on, *nested, _sentence(result)) if part
     )
 
 

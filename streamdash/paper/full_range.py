@@ -24,7 +24,7 @@ from streamdash.paper.statistics import PDF, POWER, STATISTICS, information, ln_
 from streamdash.paths import DOCS
 from streamdash.populations import cold, with_excess
 from streamdash.simulation.geometry import load_geometry
-from streamdash.statistics.scores import share_text
+from streamdash.statistics.scores import share_interval, share_text
 from streamdash.store.cache import Cache, StoreError
 from streamdash.survey.observed import ObservedStreams
 
@@ -149,6 +149,19 @@ def sentence(results: Mapping[str, Any]) -> str:
     )
 
 
+def _bits_text(bits: float, error: float, accuracy: float, n_test: int) -> str:
+    """Information with an error that can hold, ``0.030 ± 0.014`` or ``0.000 (at most 0.006)``.
+
+    A classifier that gives every stream the same probability tells nothing and scatters by nothing. Its
+    limit is then what it tells that is right as often as the upper end of its accuracy's interval.
+    """
+    if error >= 0.0005:
+        return f"{bits:.3f} ± {error:.3f}"
+    right = float(share_interval(accuracy * n_test, n_test)[1])
+    most = 1 + sum(p * math.log2(p) for p in (right, 1 - right) if p > 0)
+    return f"{bits:.3f} (at most {max(most, bits):.3f})"
+
+
 def full_range_markdown(results: Mapping[str, Any]) -> str:
     """The study as a Markdown table and its sentence."""
     low, high = results["impacts"]
@@ -167,7 +180,7 @@ def full_range_markdown(results: Mapping[str, Any]) -> str:
         for name in ("best", "spectrum"):
             one = row[name]
             cells.append(share_text(one["accuracy"], row["n_test"]))
-            cells.append(f"{one['bits']:.3f} ± {one['bits_error']:.3f}")
+            cells.append(_bits_text(one["bits"], one["bits_error"], one["accuracy"], row["n_test"]))
         for name in ("evidence", "spectrum_evidence"):
             cells.append(", ".join(ln_b_text(b["ln_b"], b["n_unresolved"]) for b in row[name]))
         lines.append(f"| {' | '.join(cells)} |")

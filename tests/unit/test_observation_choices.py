@@ -21,7 +21,7 @@ GAIA = PHI1 + 240
         (csv(PHI1, Q, ERR, header="angle,q,err"), {"coordinate"}, {"coordinate": "phi1"}),
         (csv(PHI1, Q, header="phi1,q"), {"error"}, {"constant": 0.1}),
         (csv(PHI1, Q, ERR, header="phi1,q,spread"), {"error"}, {"error": "spread"}),
-        (csv(PHI1, Q, ERR, ERR, header="phi1,q,err_lo,err_hi"), {"error"}, {"error": "err_hi"}),
+        (csv(PHI1, Q, ERR, header="phi1,q,err_hi"), {"error"}, {"error": "err_hi"}),
         (csv(PHI1, Q, ERR, ERR, header="phi1,q,e_1,sigma_2"), {"error"}, {"error": "e_1"}),
         (csv(PHI1, Q, ERR, header="phi1,q,e_phi1"), {"error"}, {"error_kind": "constant"}),
         (csv(PHI1, Q, ERR, header="phi1,profile,err"), {"kind"}, {"kind": "q_rho"}),
@@ -41,6 +41,18 @@ def test_what_the_table_does_not_decide_is_asked_for(data, fields, choices, geom
     if choices is not None and "ell" not in choices.values():
         observation = interpret(table, assume(table, choices), geometry)
         assert observation.assumptions.undecided == ()
+
+
+@pytest.mark.parametrize("names", ["err_lo,err_hi", "q_errplus,q_errminus", "e_q,E_q", "err-,err+"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_of_a_lower_and_an_upper_error_the_mean_is_used(names, sign, geometry):
+    table = read_table(csv(PHI1, Q, sign * ERR, 3 * ERR, header=f"phi1,q,{names}"))
+    one = read_table(csv(PHI1, Q, 2 * ERR, header="phi1,q,err"))
+    wanted = interpret(one, assume(one), geometry).design.sigma
+    for chosen in ({}, {"error": names.split(",")[1]}):  # whichever of the two is named
+        observation = interpret(table, assume(table, chosen), geometry)
+        assert observation.design.sigma == pytest.approx(wanted)
+        assert any("mean of" in words for words in observation.stated)
 
 
 @pytest.mark.parametrize(
