@@ -245,7 +245,7 @@ def _best(result: dict[str, Any]) -> dict[str, Any]:
 
 
 def answer(result: dict[str, Any]) -> str:
-    """What may be quoted: the verdict's word, what decides or forbids it, and a sentence with its condition."""
+    """What may be quoted: the verdict, what decides or forbids it, and a sentence with its condition."""
     if result["verdict"] == NOTHING:
         return (
             "Nothing detected. No perturbation is seen at this noise: the data are as a smooth stream would "
