@@ -10,7 +10,7 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
-from app.pages.learn.layout import FIGURE_FIRST
+from app.pages.learn.layout import FIGURE_FIRST, FIGURES, row
 from app.pages.learn.mass import mass_slider
 from app.pages.learn.state import CROWD_MAX, FLYBYS_MAX, HAND
 from app.ui.browser import LiveText
@@ -84,6 +84,7 @@ class FlybyLesson:
             self.kick_card.view,
             margin=0,
             styles={"flex": "1 1 560px", "min-width": "0"},
+            css_classes=[FIGURES],
         )
         return pn.FlexBox(
             self._controls(), cards, gap="4px 16px", sizing_mode=ui.WIDE, margin=0, **FIGURE_FIRST
@@ -304,7 +305,7 @@ class FlybyLesson:
                     "Let the whole population rain", self.rain, css_classes=["sd-rain"], margin=(4, 10)
                 ),
                 ui.int_slider(page, "crowd", "How many"),
-                ui.toggle(page, "crowd_of", "with masses of", masses),
+                row(page, "crowd_of", "with masses of", masses),
                 ui.button("Draw others", self.draw_others, css_classes=["sd-draw-others"], margin=(4, 10)),
             ],
             "many",

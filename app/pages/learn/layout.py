@@ -2,8 +2,32 @@
 
 from __future__ import annotations
 
-FIGURE_FIRST = {"flex_wrap": "wrap-reverse", "align_items": "flex-end"}
-"""Options of a box with words and a figure: side by side from the top, on a phone the figure above the words.
+from typing import Any
 
-Where lines wrap in reverse, the end of the cross axis is the top.
-"""
+from panel.viewable import Viewable
+
+from app import ui
+from app.page import Page
+
+FIGURES = "sd-figures"
+FIGURE_FIRST = {"stylesheets": [f"@media (max-width: 900px) {{ .{FIGURES} {{ order: -1; }} }}"]}
+"""Options of a box of words and figures: side by side, on a phone what has the class `FIGURES` above."""
+
+
+def row(
+    page: Page, name: str, label: str, options: dict[str, Any] | None = None, space: int = 13
+) -> Viewable:
+    """A toggle with buttons large enough for a finger in one row, or in more where there is no room."""
+    column: Any = ui.toggle(page, name, label, options)
+    column[1].sx = {
+        "flexWrap": "wrap",
+        "width": "max-content",
+        "maxWidth": "calc(100vw - 36px)",
+        "& button": {
+            "whiteSpace": "nowrap",
+            "width": "auto",
+            "flex": "0 0 auto",
+            "padding": f"7px {space}px",
+        },
+    }
+    return column

@@ -11,6 +11,7 @@ from app import ui
 from app.page import Page
 from app.pages.learn.flyby import USES as FLYBY_USES
 from app.pages.learn.flyby import FlybyLesson
+from app.pages.learn.layout import row
 from app.pages.learn.quiz import USES as QUIZ_USES
 from app.pages.learn.quiz import QuizLesson
 from app.pages.learn.story import USES as STORY_USES
@@ -39,7 +40,7 @@ class LearnPage(Page):
     def view(self) -> Viewable:
         self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.lesson: Any = None
-        self.choice = ui.controls(ui.toggle(self, "lesson", "Learn by"))
+        self.choice = ui.controls(row(self, "lesson", "Learn by"))
         self._open()
         return ui.page_layout(self.choice, self.slot)
 

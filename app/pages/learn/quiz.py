@@ -11,6 +11,7 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
+from app.pages.learn.layout import row
 from app.pages.learn.levels import asked_about, game_of
 from app.pages.learn.scoring import SCORE_STYLE, Said, calibration, score_table
 from app.pages.learn.state import DIFFICULTIES, QUIZ_NOISE, ROUNDS, SURE
@@ -299,9 +300,7 @@ class QuizLesson:
 
     def _controls(self) -> Viewable:
         return ui.controls(
-            ui.toggle(
-                self.page, "difficulty", "Difficulty", {words: key for key, words in DIFFICULTIES.items()}
-            ),
+            row(self.page, "difficulty", "Difficulty", {words: key for key, words in DIFFICULTIES.items()}),
             ui.int_slider(self.page, "average", "Average over bins"),
             ui.button("Ten others", self.new_game, css_classes=["sd-new-game"], margin=(4, 10)),
         )
@@ -319,7 +318,7 @@ class QuizLesson:
         self.inner = Page(self.session, self.services)
         words = {f"a guess ({100 / count:.0f} %)": 0}
         words |= {f"{100 * sure:.0f} %": i for i, sure in enumerate(SURE, 1)}
-        self.sure_row = ui.toggle(self.inner, "sure", "How sure are you?", words)
+        self.sure_row = row(self.inner, "sure", "How sure are you?", words)
         at_most, at_least = points(np.eye(count)[0], 0), points(np.eye(count)[0], 1)
         rule = ui.caption(
             f"Points: 0 for a guess, {at_most:.0f} for sure and right, {at_least:.0f} for sure and wrong. On "

@@ -9,7 +9,7 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
-from app.pages.learn.layout import FIGURE_FIRST
+from app.pages.learn.layout import FIGURE_FIRST, FIGURES, row
 from app.pages.learn.predict import Prediction
 from app.pages.learn.prose import Prose
 from app.pages.learn.steps import STEPS, Step
@@ -80,8 +80,7 @@ class StoryLesson:
         parts: list[Viewable] = [self.slot, pn.Row(*foot, margin=0, styles=FOOT, css_classes=["sd-foot"])]
         if not wall:
             words = "Glossary: every word and symbol"
-            steps: Any = ui.toggle(self.page, "step", "Step", titles)
-            steps[1].sx = {**steps[1].sx, "& button": {"padding": "7px 15px"}}  # large enough for a finger
+            steps = row(self.page, "step", "Step", titles, space=15)
             parts = [
                 ui.controls(steps),
                 *parts,
@@ -160,6 +159,7 @@ class StoryLesson:
             self.card.view,
             margin=0,
             styles={"flex": "1.4 1 420px", "min-width": "0"},
+            css_classes=[FIGURES],
         )
         self.slot[:] = [
             pn.FlexBox(left, right, gap="4px 24px", sizing_mode=ui.WIDE, margin=0, **FIGURE_FIRST)

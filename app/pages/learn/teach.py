@@ -11,6 +11,7 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
+from app.pages.learn.layout import row
 from app.pages.learn.levels import game_of
 from app.pages.learn.state import ROUNDS
 from app.pages.learn.teaching import GOALS, PLAN, QUESTIONS
@@ -66,7 +67,7 @@ class TeachLesson:
             ui.Html(ui.render("pages/learn/plan.html", plan=PLAN), stylesheets=[STYLE], margin=(4, 10)),
             Links(links=story, margin=(4, 10), sizing_mode=ui.WIDE, css_classes=["sd-links"]),
             ui.controls(
-                ui.toggle(self.page, "projector", "Screen", {"Usual": "no", "Projector": "yes"}),
+                row(self.page, "projector", "Screen", {"Usual": "no", "Projector": "yes"}),
                 sheet,
             ),
             ui.heading("Your class"),
