@@ -165,10 +165,9 @@ def grid_search(
                     accuracy[k, d, s] = np.mean(predicted == streams.y[rows[held]])
                 whole = d if _deepest(booster) < depths[d] else None
             done += 1
-            if progress is not None:
+            if progress:
                 progress(done, total)
-    mean = accuracy.mean(axis=0)
-    error = accuracy.std(axis=0, ddof=1) / np.sqrt(n_folds)
+    mean, error = accuracy.mean(axis=0), accuracy.std(axis=0, ddof=1) / np.sqrt(n_folds)
     depth, size = _simplest_of_the_best(mean, error)
     best = _with_trees(settings, int(depths[depth]), int(sizes[size]))
     return Grid(np.asarray(depths), sizes, mean, error, best)

@@ -14,7 +14,6 @@ import math
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
 from cachetools import LRUCache
 from loky import cpu_count
@@ -23,7 +22,8 @@ from streamdash.config import EnsembleConfig
 from streamdash.simulation.ensemble import Stopped, complete, prepare_workers
 from streamdash.simulation.geometry import load_geometry
 from streamdash.simulation.limits import Limits, Refused, check_impacts, check_size
-from streamdash.simulation.status import JobStatus, Pace
+from streamdash.simulation.queue import Job, check_room, paths, why_stopped
+from streamdash.simulation.status import JobStatus
 from streamdash.simulation.workers import WorkerError, cluster, is_ending, kill_workers
 from streamdash.store.cache import Cache, StoreError
 from streamdash.store.keeping import make_room, mark_used, room_for
@@ -48,27 +48,6 @@ LOOK_WAITING_S = 2.0
 UNEXPECTED = "The simulation failed unexpectedly; the server's log has the details."
 
 
-@dataclass
-class _Job:
-    """One entry of the queue. Written under the queue's lock."""
-
-    config: EnsembleConfig
-    title: str
-    owners: set[str]
-    place: str = ""
-    """Network address of who asked first; empty when it is not known."""
-    ended: str = ""
-    """``done``, ``cancelled`` or ``failed``; empty until then."""
-    error: str = ""
-    took_s: float | None = None
-    spent_s: float = 0.0
-    """How long it has been computed, in the turns that are over."""
-    too_long: bool = False
-    stop: threading.Event = field(default_factory=threading.Event)
-    pace: Pace = field(default_factory=Pace)
-    times_pace: Pace = field(default_factory=Pace)
-
-
 class Jobs:
     """The queue of one process: one job computes at a time, with all workers.
 
@@ -90,7 +69,7 @@ class Jobs:
         self.limits = limits or Limits()
         self.statuses: tuple[JobStatus, ...] = ()
         self.version = 0
-        self._jobs: dict[str, _Job] = {}
+        self._jobs: dict[str, Job] = {}
         self._current: str | None = None
         self._began = 0.0
         self._killed = False
@@ -144,9 +123,9 @@ class Jobs:
             job = self._jobs.get(key)
             if job is not None and not job.ended and job.stop.is_set():
                 raise Refused("This simulation is just being stopped; start it again in a moment.")
-            self._check_queue(owner, place)
+            check_room(self._jobs.values(), owner, place, self.limits)
             self._jobs.pop(key, None)
-            self._jobs[key] = _Job(config, title, {owner}, place)
+            self._jobs[key] = Job(config, title, {owner}, place)
             self._forget()
             self._start()
         self.look()
@@ -208,25 +187,6 @@ class Jobs:
 
     # ------------------------------------------------------------ limits
 
-    def _check_queue(self, owner: str, place: str) -> None:
-        active = [job for job in self._jobs.values() if not job.ended]
-        limits = self.limits
-        if len(active) >= limits.max_jobs:
-            raise Refused(
-                f"This server runs or queues {limits.max_jobs} simulations at most, and so many there are; "
-                "try again when one has ended."
-            )
-        if sum(owner in job.owners for job in active) >= limits.max_jobs_per_session:
-            raise Refused(
-                f"{limits.max_jobs_per_session} simulations of yours are running or waiting, as many as "
-                "this server allows; cancel one or wait for it."
-            )
-        if place and sum(job.place == place for job in active) >= limits.max_jobs_per_address:
-            raise Refused(
-                f"{limits.max_jobs_per_address} simulations from your network address are running or "
-                "waiting, as many as this server allows; cancel one or wait for it."
-            )
-
     def _forget(self) -> None:
         ended = [key for key, job in self._jobs.items() if job.ended]
         for key in ended[: max(len(ended) - KEPT, 0)]:
@@ -256,7 +216,7 @@ class Jobs:
                 self._prepare = False
                 if job is not None:
                     self._turns += 1
-                    for path in _paths(job):
+                    for path in paths(job):
                         self._served[path] = self._turns
             if job is None:
                 prepare_workers(self.cache, self.limits.workers, self.limits.nice)
@@ -270,15 +230,15 @@ class Jobs:
                     self._end(job, ended, error, job.spent_s)
                 self._changed.notify_all()
 
-    def _next(self) -> _Job | None:
+    def _next(self) -> Job | None:
         """Of the jobs that wait and that no other process computes: the one whose visitor waited longest."""
         waiting = [job for job in self._jobs.values() if not job.ended and not job.stop.is_set()]
-        for job in sorted(waiting, key=lambda job: [self._served.get(path, 0) for path in _paths(job)]):
+        for job in sorted(waiting, key=lambda job: [self._served.get(path, 0) for path in paths(job)]):
             if not self._elsewhere(job.config.key, job.config):
                 return job
         return None
 
-    def _turn_is_over(self, job: _Job) -> bool:
+    def _turn_is_over(self, job: Job) -> bool:
         """Whether a job that is computed makes room for what others wait for; called often."""
         if time.monotonic() - self._began < TURN_S:
             return False
@@ -287,36 +247,27 @@ class Jobs:
                 other is not job
                 and not other.ended
                 and not other.stop.is_set()
-                and _paths(other) != _paths(job)
+                and paths(other) != paths(job)
                 for other in self._jobs.values()
             )
 
     def _elsewhere(self, key: str, config: EnsembleConfig) -> bool:
         return self.cache.busy(key) or self.cache.busy(config.stream.key)
 
-    def _outcome(self, job: _Job) -> tuple[str, str]:
+    def _outcome(self, job: Job) -> tuple[str, str]:
         """How a job ended, and why it failed."""
         try:
             self._compute(job)
         except Stopped:
-            return self._why_stopped(job)
+            return why_stopped(job, self.limits)
         except (StoreError, WorkerError, ValueError) as error:
-            return self._why_stopped(job) if job.too_long else ("failed", str(error))
+            return why_stopped(job, self.limits) if job.too_long else ("failed", str(error))
         except Exception:
             log.exception("job %s failed", job.config.key)
             return "failed", UNEXPECTED
         return "done", ""
 
-    def _why_stopped(self, job: _Job) -> tuple[str, str]:
-        if job.too_long:
-            return "failed", (
-                f"This took longer than the {self.limits.max_job_minutes:g} minutes that this server gives "
-                "to one simulation; what is finished is kept. Ask for fewer streams, a narrower mass range "
-                "or a stream closer to the examples."
-            )
-        return ("cancelled", "") if job.stop.is_set() else ("", "")
-
-    def _compute(self, job: _Job) -> None:
+    def _compute(self, job: Job) -> None:
         """Compute a job; workers that are lost are replaced as long as it gets on."""
         config, limits = job.config, self.limits
         self.cache.check_writable()
@@ -336,7 +287,7 @@ class Jobs:
                 mark_used(self.cache, config.key)
                 return
 
-    def _attempt(self, job: _Job) -> None:
+    def _attempt(self, job: Job) -> None:
         config, limits = job.config, self.limits
 
         def should_stop() -> bool:
@@ -415,7 +366,7 @@ class Jobs:
                 self.statuses = statuses
                 self.version += 1
 
-    def _picture(self, job: _Job, before: JobStatus | None, thorough: bool) -> JobStatus:
+    def _picture(self, job: Job, before: JobStatus | None, thorough: bool) -> JobStatus:
         if job.ended and before is not None and before.state == job.ended:
             return before
         waits = before is not None and before.state == "waiting" and job.config.key != self._current
@@ -447,7 +398,7 @@ class Jobs:
             job.took_s,
         )
 
-    def _state(self, job: _Job, times: int) -> str:
+    def _state(self, job: Job, times: int) -> str:
         key = job.config.key
         if key == self._current:
             if job.stop.is_set():
@@ -455,15 +406,9 @@ class Jobs:
             return "geometry" if times < len(job.config.stream.impact_times_gyr) else "running"
         return "elsewhere" if self._elsewhere(key, job.config) else "waiting"
 
-    def _end(self, job: _Job, ended: str, error: str, took_s: float | None) -> None:
+    def _end(self, job: Job, ended: str, error: str, took_s: float | None) -> None:
         if not job.ended:
             job.ended, job.error, job.took_s = ended, error, took_s if ended == "done" else None
 
     def _active(self) -> bool:
         return any(not job.ended for job in self._jobs.values())
-
-
-def _paths(job: _Job) -> tuple[tuple[str, ...], ...]:
-    """Who takes turns: network addresses first, then those at one address."""
-    who = min(job.owners, default="")
-    return (job.place,), (job.place, who)
