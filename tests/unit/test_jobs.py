@@ -167,6 +167,37 @@ def test_a_session_may_have_only_so_many_jobs(config, start):
     jobs.submit(several[0], "greedy")  # the same once more is no more
 
 
+def test_a_network_address_may_have_only_so_many_jobs_however_many_its_sessions(config, start):
+    jobs = start(max_jobs_per_address=2)
+    several = [config.model_copy(update={"n_streams": 3000, "seed": seed}) for seed in range(20, 24)]
+    jobs.submit(several[0], "one", place="192.0.2.1")
+    jobs.submit(several[1], "two", place="192.0.2.1")
+    with pytest.raises(Refused, match="2 simulations from your network address are running or waiting"):
+        jobs.submit(several[2], "three", place="192.0.2.1")
+    jobs.submit(several[2], "three", place="192.0.2.2")
+    jobs.submit(several[3], "four")  # where no address is known, sessions alone are counted
+
+
+def test_addresses_take_turns_however_many_jobs_one_has_queued(config, start, monkeypatch):
+    monkeypatch.setattr("streamdash.simulation.jobs.TURN_S", 4.0)
+    jobs = start()
+    several = [config.model_copy(update={"n_streams": 9000, "seed": seed}) for seed in range(30, 33)]
+    greedy = [jobs.submit(one, "greedy", place="192.0.2.1") for one in several[:2]]
+    wait_until(lambda: jobs.find(greedy[0]).done > 0)
+    modest = jobs.submit(several[2], "modest", place="192.0.2.2")
+    wait_until(lambda: jobs.find(modest).done > 0)
+    assert jobs.find(greedy[1]).done == 0
+
+
+def test_a_job_that_takes_too_long_ends_in_a_sentence_and_keeps_what_is_finished(config, start):
+    jobs = start(max_job_minutes=1e-3)
+    many = config.model_copy(update={"n_streams": 20_000, "seed": 40})
+    status = jobs.wait(jobs.submit(many, "me"), PATIENCE_S)
+    assert status.state == "failed"
+    assert "longer than the 0.001 minutes" in status.error
+    assert status.done < 20_000
+
+
 def test_a_name_that_cannot_be_used_is_refused(config, start):
     with pytest.raises(Refused, match="The name cannot be used: a name may hold"):
         start().submit(config, "me", "two\nlines")
