@@ -69,6 +69,7 @@ KEY = """
 @media (max-width: 1099px) {
   :host { display: flex !important; flex-flow: row wrap !important; gap: 0 8px; align-items: center; }
   .sd-cell { flex: 1 1 150px; }
+  .sd-cell.sd-row { flex-basis: 100%; }
 }
 """
 MORE = """
@@ -130,7 +131,13 @@ def side_panel(key: Sequence[Viewable], more: Sequence[Viewable] = ()) -> Viewab
         All others; on a narrow screen in a drawer.
     """
     cells = [
-        pn.Column(_filling(widget), margin=0, sizing_mode=WIDE, min_width=0, css_classes=["sd-cell"])
+        pn.Column(
+            _filling(widget),
+            margin=0,
+            sizing_mode=WIDE,
+            min_width=0,
+            css_classes=["sd-cell", "sd-row"] if isinstance(widget, pn.FlexBox) else ["sd-cell"],
+        )
         for widget in key
     ]
     parts: list[Viewable] = [

@@ -41,7 +41,7 @@ class TaskControls:
         self.bar = pn.indicators.Progress(
             value=0, max=100, width=180, height=12, sizing_mode="fixed", margin=(14, 10), visible=False
         )
-        self.text = LiveText(margin=(8, 10), css_classes=[f"sd-{name}-status"])
+        self.text = LiveText(margin=(4, 10), styles={"flex": "1 1 180px"}, css_classes=[f"sd-{name}-status"])
         self.view = ui.controls(self.start, self.cancel, self.bar, self.text)
 
     def show(self, task: Task, words: str = "") -> None:

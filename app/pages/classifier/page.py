@@ -68,14 +68,12 @@ class ClassifierPage(Page):
             margin=0,
             visible=False,
         )
-        classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
         for study in self.studies:
             study.renew()
         self.train()
         shipped = shipped_results()
         self.full_range = FullRange(shipped) if shipped is not None else None
         return ui.page_layout(
-            ui.controls(*classes),
             self.results,
             *([self.full_range.view] if self.full_range else []),
             opening=self.opening,
@@ -151,15 +149,25 @@ class ClassifierPage(Page):
         menu = ui.menu("cell", "Streams of the cell", options, width=340)
         return self.bind("cell", menu, to_widget=lambda cell: cell if cell <= len(cells) else 0)
 
+    def _matrix_and_scores(self) -> Viewable:
+        """The table of scores is seen whole before the matrix is wider than it must be."""
+        scores = pn.Column(
+            self.scores, self.abundance, margin=0, styles={"flex": "1 1 620px", "min-width": "0"}
+        )
+        matrix = pn.Column(self.matrix, margin=0, styles={"flex": "1 1 330px", "min-width": "0"})
+        return pn.FlexBox(matrix, scores, gap="8px 12px", sizing_mode=ui.WIDE, margin=0)
+
     def _make_cards(self) -> None:
         n_classes = len(self.streams.q)
+        classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
         self.card = ui.FigureCard(
             "Confusion matrix on streams never trained on",
-            [self.matrix, pn.Column(self.scores, self.abundance, sizing_mode=ui.WIDE, margin=0)],
+            self._matrix_and_scores(),
             name="confusion",
             image=lambda kind: export(classifier.draw_matrix(self._ready(), "matplotlib"), kind),
             table=lambda: classifier.matrix_table(self._ready()),
             code=lambda: self._code("draw_matrix(judged, 'matplotlib')", "draw_matrix", "confusion"),
+            legend=ui.controls(*classes),
         )
         self.streams_card = ui.FigureCard(
             "The streams of one cell: click the matrix, or choose here",

@@ -109,7 +109,7 @@ class ConvergencePage(Page):
     def _make_cards(self) -> None:
         self.card = ui.FigureCard(
             "One test of convergence",
-            pn.Column(self.about, self.task.view, self.figures, self.table, sizing_mode=ui.WIDE, margin=0),
+            pn.Column(self.task.view, self.figures, self.about, self.table, sizing_mode=ui.WIDE, margin=0),
             name="convergence",
             image=lambda kind: export(self._layout(), kind),
             table=lambda: convergence.table(self.knob, self._ready().spectra),
@@ -157,7 +157,7 @@ class ConvergencePage(Page):
         self.figures[:] = [ui.figure_grid(figures)]
         self.table.write(shifts_html(self.measured))
         verdict = verdict_sentence(chosen, self.measured.verdict)
-        self.opening.say(verdict)
+        self.opening.say(verdict.partition(". ")[0].rstrip(".") + ".")
         self.card.say(f"{verdict} {convergence.sentence(chosen, self.measured.spectra)}")
 
     def _show_all(self) -> None:
