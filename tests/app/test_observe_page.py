@@ -216,7 +216,8 @@ def test_what_would_change_the_answer_is_tried_in_the_background(open_page):
     upload(page, EXAMPLE.read_bytes())
     page.classify()
     settle(page)
-    assert "was not tried" in page.outcome.result["would_change"]
+    if page.trying.following:  # else another session's trials of the same file were ready
+        assert "was not tried" in page.outcome.result["would_change"]
     deadline = time.monotonic() + 600
     while page.trying.following:
         assert time.monotonic() < deadline, "still trying"
