@@ -56,6 +56,7 @@ def trained(
     choices: Sequence[Choice],
     noise: float,
     settings: ClassifierConfig,
+    store: ModelStore,
     progress: Progress,
     should_stop: ShouldStop,
 ) -> Judged:
@@ -65,7 +66,7 @@ def trained(
     whose files are damaged is trained anew.
     """
     streams = check_classes(results.observed(choices))
-    store, key = ModelStore.default(), model_key(streams, noise, settings)
+    key = model_key(streams, noise, settings)
     try:
         kept = store.open(key)
     except ModelFileError:
@@ -119,11 +120,12 @@ def importance_of(
     choices: Sequence[Choice],
     noise: float,
     settings: ClassifierConfig,
+    store: ModelStore,
     progress: Progress,
     should_stop: ShouldStop,
 ) -> Importance:
     """Where along the stream a classifier of the chosen classes finds what tells them apart."""
-    judged = trained(results, choices, noise, settings, lambda *_: None, should_stop)
+    judged = trained(results, choices, noise, settings, store, lambda *_: None, should_stop)
     streams = results.observed(choices)
     return importance(judged, streams, noise, progress=progress, should_stop=should_stop)
 

@@ -13,6 +13,7 @@ from app.work.pieces import freed, trained
 from app.work.pool import Compute
 from streamdash.classifier.data import check_classes
 from streamdash.classifier.model import PRESETS, ClassifierConfig
+from streamdash.classifier.store import ModelStore
 from streamdash.classifier.train import Judged
 from streamdash.statistics.features import ALL_SUMMARIES
 from streamdash.survey.observed import ObservedStreams
@@ -78,7 +79,7 @@ def train_task(
 ) -> tuple[Hashable, Compute]:
     """Key and computation of a classifier of the chosen classes, for `app.work.tasks.Work.ask`."""
     streams_of(services, session)  # refuses here what are no classes
-    compute = partial(trained, services, session.ensembles, noise, settings)
+    compute = partial(trained, services, session.ensembles, noise, settings, ModelStore.default())
     return ("classifier", *_key(session, noise, settings)), compute
 
 

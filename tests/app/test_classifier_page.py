@@ -49,7 +49,7 @@ def test_page_trains_at_once_and_shows_the_matrix(open_shell):
     assert page.results.visible
     counts = page.judged.scores.counts
     assert counts.sum() == 1000 and np.trace(counts) >= 990
-    assert f"{counts[0, 0]}" in page.matrix[0].object.renderers[1].data_source.data["text"][0]
+    assert f"{counts[0, 0]}" in page.matrix[0][0].object.renderers[1].data_source.data["text"][0]
     assert "paper 0.98" in page.scores.object and "paper 0.99" in page.scores.object
     assert "1000 streams" in page.card._sentence.text
     assert "Where the abundance is anywhere from 0.1 to 10 times" in page.abundance.text
@@ -140,12 +140,22 @@ def test_code_runs_as_shown(open_shell, shipped_cache, tmp_path, monkeypatch):
     assert (tmp_path / "cell.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_closing_the_page_stops_work_nobody_waits_for(open_shell):
+def test_closing_the_page_stops_work_nobody_waits_for(open_shell, services):
+    def endless(progress, should_stop):
+        while not should_stop():
+            time.sleep(0.01)
+        raise Cancelled
+
+    # All workers are busy, so that the training cannot end before the page is closed.
+    others = [services.work.ask(("endless", i), endless) for i in range(8)]
     shell = open_shell(TWO + "&noise=0.23")
     task = shell.page.watch.following
     shell.page.close()
     wait_until(lambda: not task.active)
     assert task.state == "cancelled"
+    for other in others:
+        other.stop()
+    wait_until(lambda: not any(other.active for other in others))
 
 
 # ---------------------------------------------------------------- work

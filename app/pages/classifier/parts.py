@@ -16,6 +16,7 @@ from app.work.pieces import compare_presets, importance_of, on_streams
 from app.work.pool import Compute
 from app.work.training import code_head, data_key, settings_of, streams_of
 from streamdash.classifier.model import paper_scores
+from streamdash.classifier.store import ModelStore
 from streamdash.classifier.studies import (
     Contender,
     grid_search,
@@ -103,7 +104,7 @@ def studies_of(services: Services, session: Session) -> list[Study]:
 
     def ask_importance() -> tuple[Hashable, Compute]:
         noise, settings = session.noise, settings_of(session)
-        compute = partial(importance_of, services, session.ensembles, noise, settings)
+        compute = partial(importance_of, services, session.ensembles, noise, settings, ModelStore.default())
         return ("importance", *data_key(session)), compute
 
     def code(call: str, module: str, draw: str, name: str) -> Callable[[], str]:
