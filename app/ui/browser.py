@@ -45,12 +45,7 @@ class AddressBar(JSComponent):
     """
 
 
-class LiveText(JSComponent):
-    """A sentence that screen readers announce when it changes (``aria-live="polite"``)."""
-
-    text = param.String("", doc="plain text")
-
-    _esm = """
+ANNOUNCED = """
     export function render({model}) {
       const p = document.createElement("p")
       p.className = "sd-live"
@@ -62,6 +57,15 @@ class LiveText(JSComponent):
       return p
     }
     """
+"""A text in a paragraph that screen readers announce when it changes."""
+
+
+class LiveText(JSComponent):
+    """A sentence that screen readers announce when it changes (``aria-live="polite"``)."""
+
+    text = param.String("", doc="plain text")
+
+    _esm = ANNOUNCED
     _stylesheets = [
         """
         .sd-live { margin: 0; font: 14px/1.5 Roboto, sans-serif; max-width: 110ch;
@@ -70,23 +74,10 @@ class LiveText(JSComponent):
     ]
 
 
-class Answer(JSComponent):
+class Answer(LiveText):
     """A page's answer in one sentence, above its figure; read out when it changes."""
 
-    text = param.String("", doc="plain text")
-
-    _esm = """
-    export function render({model}) {
-      const p = document.createElement("p")
-      p.className = "sd-now"
-      p.setAttribute("role", "status")
-      p.setAttribute("aria-live", "polite")
-      const write = () => { p.textContent = model.text; p.hidden = !model.text }
-      model.on("text", write)
-      write()
-      return p
-    }
-    """
+    _esm = ANNOUNCED.replace("sd-live", "sd-now")
     _stylesheets = [
         """
         .sd-now { margin: 0; font: 16px/1.45 Roboto, sans-serif; max-width: 120ch; }

@@ -65,7 +65,8 @@ def save(estimator: Estimator, path: Path) -> None:
     networks = {f"{j}_{m}": net for j, nets in enumerate(estimator.factors) for m, net in enumerate(nets)}
     for name, network in {"critic": estimator.critic.network, **networks}.items():
         for layer, (w, b) in enumerate(zip(network.weights, network.biases, strict=True)):
-            arrays[f"w_{name}_{layer}"], arrays[f"b_{name}_{layer}"] = w, b
+            # Nothing is lost: `network.train` gives numbers of half precision.
+            arrays[f"w_{name}_{layer}"], arrays[f"b_{name}_{layer}"] = w.astype(np.float16), b
     card = {
         "format": FORMAT,
         "prior": estimator.prior.model_dump(mode="json"),
@@ -167,7 +168,7 @@ def _critic(arrays: dict[str, np.ndarray]) -> Critic:
 def _network(arrays: dict[str, np.ndarray], name: str) -> Network:
     depth = sum(key.startswith(f"w_{name}_") for key in arrays)
     layers = range(depth)
-    weights = tuple(arrays[f"w_{name}_{layer}"] for layer in layers)
+    weights = tuple(arrays[f"w_{name}_{layer}"].astype(np.float32) for layer in layers)
     return Network(weights, tuple(arrays[f"b_{name}_{layer}"] for layer in layers))
 
 

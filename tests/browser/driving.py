@@ -42,6 +42,25 @@ window.sd = {
   // Top edges of the figures that are drawn, in pixels from the top of the page.
   tops: () => sd.figures().map(sd.view).filter(Boolean).map(view => view.el.getBoundingClientRect())
     .filter(box => box.width > 40 && box.height > 40).map(box => box.top).sort((a, b) => a - b),
+  // Boxes that reach beyond the right edge and do not scroll within another; Bokeh's glyphs have empty ones.
+  beyond: () => {
+    const found = []
+    const look = (node, inside) => {
+      for (const child of node.children ?? []) {
+        const box = child.getBoundingClientRect()
+        const style = getComputedStyle(child)
+        const scrolls = inside || ["auto", "scroll"].includes(style.overflowX)
+        if (!scrolls && box.width > 0 && box.right > innerWidth + 1 && style.position !== "fixed"
+            && !child.className.includes?.("bk-GlyphRenderer")) {
+          found.push(`${child.tagName}.${child.className} ${Math.round(box.right)}`)
+        }
+        look(child, scrolls)
+        if (child.shadowRoot) { look(child.shadowRoot, scrolls) }
+      }
+    }
+    look(document.body, false)
+    return [...new Set(found)]
+  },
 }
 """
 

@@ -233,26 +233,6 @@ def test_excluded_bins_are_grey_in_the_figure(evidence_tab):
     assert grey == pytest.approx(int(match[1]) * width)
 
 
-WIDE = """() => {
-  const wide = []
-  const look = (node, inside) => {
-    for (const child of node.children ?? []) {
-      const box = child.getBoundingClientRect()
-      const style = getComputedStyle(child)
-      const scrolls = inside || ["auto", "scroll"].includes(style.overflowX)
-      if (!scrolls && box.width > 0 && box.right > 391 && style.position !== "fixed") {
-        wide.push(`${child.tagName}.${child.className} ${Math.round(box.right)}`)
-      }
-      look(child, scrolls)
-      if (child.shadowRoot) { look(child.shadowRoot, scrolls) }
-    }
-  }
-  look(document.querySelector(".sd-card") ?? document.body, false)
-  return [...new Set(wide)]
-}"""
-"""Boxes that reach beyond a phone's edge and do not scroll within another."""
-
-
 @pytest.mark.parametrize("query", [f"?page=pdf&{THREE}", f"?page=evidence&{THREE}"])
 def test_a_phone_shows_everything_without_sideways_scrolling(tab, query):
     page = tab(query, width=390, height=844).page
@@ -261,5 +241,5 @@ def test_a_phone_shows_everything_without_sideways_scrolling(tab, query):
             darken(page)
         if "evidence" in query:
             expect(page.locator(".sd-table-1 table.ready")).to_be_attached()
-        page.wait_for_function(f"() => ({WIDE})().length === 0")
+        page.wait_for_function("() => sd.beyond().length === 0")
         page.wait_for_function("() => document.documentElement.scrollWidth <= 390")

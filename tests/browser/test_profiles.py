@@ -231,29 +231,8 @@ def test_light_and_dark_and_a_phone_shows_everything_without_sideways_scrolling(
         fits(dark)
 
 
-WIDE = """() => {
-  const wide = []
-  const look = (node) => {
-    for (const child of node.children ?? []) {
-      const box = child.getBoundingClientRect()
-      const style = getComputedStyle(child)
-      if (box.width > 0 && box.right > 391 && style.position !== "fixed") {
-        wide.push(`${child.tagName}.${child.className} ${Math.round(box.right)}`)
-      }
-      if (["auto", "scroll"].includes(style.overflowX)) { continue }  // scrolls within itself
-      look(child)
-      if (child.shadowRoot) { look(child.shadowRoot) }
-    }
-  }
-  look(document.querySelector(".sd-card") ?? document.body)
-  document.querySelectorAll("*").forEach(e => e.shadowRoot && look(e.shadowRoot))
-  return [...new Set(wide)]
-}"""
-"""Boxes that reach beyond a phone's edge; Bokeh's glyphs have empty ones beside their canvas."""
-
-
 def fits(page: Page) -> None:
     """The page scrolls inside Page's own element: every box is looked at."""
     for element in ("document.documentElement", "document.body"):
         page.wait_for_function(f"() => {element}.scrollWidth <= 390")
-    page.wait_for_function(f"() => ({WIDE})().every(w => w.includes('bk-GlyphRenderer'))")
+    page.wait_for_function("() => sd.beyond().length === 0")

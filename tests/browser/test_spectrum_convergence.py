@@ -22,25 +22,6 @@ LINES = """
     .map(r => Array.from(get(r.data_source, "y")))
 }
 """
-WIDE = """
-() => {
-  const wide = []
-  const look = (node, inside) => {
-    for (const child of node.children ?? []) {
-      const box = child.getBoundingClientRect()
-      const style = getComputedStyle(child)
-      const scrolls = inside || ["auto", "scroll"].includes(style.overflowX)
-      if (!scrolls && box.width > 0 && box.right > 391 && style.position !== "fixed") {
-        wide.push(`${child.tagName} ${child.className} ${box.right}`)
-      }
-      look(child, scrolls)
-      if (child.shadowRoot) { look(child.shadowRoot, scrolls) }
-    }
-  }
-  look(document.querySelector(".sd-body") ?? document.body, false)
-  return wide
-}
-"""
 
 
 def lines(page: Page, axis: str) -> list[np.ndarray]:
@@ -93,4 +74,4 @@ def test_a_test_of_convergence_is_chosen_shown_and_downloaded(tab, tmp_path):
 def test_a_phone_shows_everything_without_sideways_scrolling(tab, query):
     page = tab(query, width=390, height=844).page
     expect(page.locator(".sd-sentence .sd-live").first).to_contain_text("streams")
-    assert page.evaluate(WIDE) == []
+    assert page.evaluate("sd.beyond()") == []
