@@ -215,6 +215,7 @@ class DrawerButton(JSComponent):
       const isOpen = () => root.style.getPropertyValue("--sd-drawer") === "visible"
       const set = (open) => {
         root.style.setProperty("--sd-drawer", open ? "visible" : "hidden")
+        root.style.setProperty("--sd-drawer-below", open ? "0" : "110%")
         document.dispatchEvent(new CustomEvent("sd-drawer", {detail: open}))
       }
       const tell = () => { if (model.opens) { button.setAttribute("aria-expanded", String(isOpen())) } }

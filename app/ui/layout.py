@@ -59,7 +59,9 @@ PANEL = """
   .sd-more { position: fixed !important; left: 0; right: 0; bottom: 0; z-index: 1250; max-height: 62vh;
              overflow-y: auto; padding: 8px 8px 20px; background: var(--mui-palette-background-paper, Canvas);
              border-top: 1px solid #80808080; box-shadow: 0 -8px 24px #00000040; border-radius: 12px 12px 0 0;
-             visibility: var(--sd-drawer, hidden); }
+             visibility: var(--sd-drawer, hidden);
+             /* What Panel itself calls visible inside is out of sight as well. */
+             transform: translateY(var(--sd-drawer-below, 110%)); }
   .sd-drawer { position: fixed !important; right: 12px; bottom: 12px; z-index: 1240; }
 }
 @media (min-width: 1100px) { .sd-drawer { display: none !important; } }
@@ -94,14 +96,17 @@ class Opening:
     ----------
     question
         One sentence, the page's heading.
+    below
+        What else stands above the figures.
     """
 
-    def __init__(self, question: str) -> None:
+    def __init__(self, question: str, *below: Viewable) -> None:
         self._answer = Answer(sizing_mode=WIDE, margin=0, css_classes=["sd-answer-now"])
         line = fill('<h1 style="{{ style }}">{{ question }}</h1>', style=QUESTION_STYLE, question=question)
         self.view = pn.Column(
             Html(line, margin=0),
             self._answer,
+            *below,
             sizing_mode=WIDE,
             margin=(2, 8, 4, 8),
             css_classes=["sd-opening"],

@@ -42,6 +42,19 @@ window.sd = {
   // Top edges of the figures that are drawn, in pixels from the top of the page.
   tops: () => sd.figures().map(sd.view).filter(Boolean).map(view => view.el.getBoundingClientRect())
     .filter(box => box.width > 40 && box.height > 40).map(box => box.top).sort((a, b) => a - b),
+  // Elements of a class, those in shadow trees too.
+  all: (name, node = document.body) => [...node.children].flatMap(child => [
+    ...(child.classList.contains(name) ? [child] : []), ...sd.all(name, child),
+    ...(child.shadowRoot ? sd.all(name, child.shadowRoot) : [])]),
+  // Cards, and controls in sight, that lie on one another.
+  lying: () => {
+    const boxes = ["sd-card", "sd-key"].flatMap(name => sd.all(name))
+      .filter(e => e.checkVisibility()).map(e => [e.className, e.getBoundingClientRect()])
+    const meet = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 2
+      && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 2
+    return boxes.flatMap(([a, one], i) => boxes.slice(i + 1).filter(([_, other]) => meet(one, other))
+      .map(([b]) => `${a} and ${b}`))
+  },
   // Boxes that reach beyond the right edge and do not scroll within another; Bokeh's glyphs have empty ones.
   beyond: () => {
     const found = []

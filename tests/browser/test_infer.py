@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import expect
 
 from streamdash.survey.mock import EXAMPLE
+from tests.browser.driving import open_controls
 
 pytestmark = pytest.mark.browser
 LONG_MS = 120_000
@@ -47,8 +48,9 @@ def test_on_a_phone_the_answer_and_its_figure_come_first_and_nothing_is_wider(ta
     page = tab("?page=infer", 390, 844).page
     expect(page.locator(".sd-answer .answer")).to_be_visible(timeout=LONG_MS)
     expect(page.locator(".sd-card-posterior canvas").first).to_be_visible(timeout=LONG_MS)
-    top = {
-        name: page.locator(f".sd-infer-{name}").bounding_box()["y"] for name in ("head", "controls", "rest")
-    }
-    assert top["head"] < top["controls"] < top["rest"]
+    parts = (".sd-answer", ".sd-key", ".sd-card-posterior", ".sd-card-predictive")
+    tops = [page.locator(part).first.bounding_box()["y"] for part in parts]
+    assert tops == sorted(tops)
+    open_controls(page)
+    expect(page.locator(".sd-infer_data")).to_be_visible()
     assert page.evaluate("document.documentElement.scrollWidth") <= 390

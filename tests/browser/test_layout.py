@@ -30,6 +30,9 @@ def test_the_first_figure_is_in_sight(tab, key):
         limit = HIGHEST[size["width"]]
         page.wait_for_function("limit => sd.tops().length && sd.tops()[0] <= limit", arg=limit)
         assert page.evaluate("() => document.documentElement.scrollWidth") <= size["width"]
+        page.wait_for_function("() => sd.lying().length === 0")
+    # Nothing of a closed drawer is in sight, whatever Panel calls visible in it.
+    assert page.evaluate("() => sd.all('sd-more').every(e => e.getBoundingClientRect().top >= innerHeight)")
 
 
 def test_controls_stand_beside_the_figure_or_in_a_drawer(tab):

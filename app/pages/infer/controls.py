@@ -70,9 +70,8 @@ class Controls:
         self.example = ui.button("Try the example", example, css_classes=["sd-example"], margin=(4, 10))
         self.training = TaskControls("Train for these bins", train, cancel, "infer", color="primary")
         self.keep = ui.button("Put aside, to join", keep, css_classes=["sd-infer-keep"], margin=(4, 10))
-        self.parts = [
-            ui.stream_picker(page),
-            ui.select(page, "infer_prior", "Prior: what is left open", **wide),
+        key = [ui.stream_picker(page), ui.select(page, "infer_prior", "Prior: what is left open", **wide)]
+        more = [
             ui.toggle(page, "infer_data", "Data"),
             self.ensembles,
             self.number,
@@ -87,6 +86,7 @@ class Controls:
             self.training.view,
             self.keep,
         ]
+        self.view = ui.side_panel(key, more)
 
     def arrange(self, base: Oracle | None, usual: Design) -> None:
         """Show those that mean something for the data that are chosen, and for who answers."""

@@ -16,7 +16,7 @@ from app.pages.infer.cards import Cards, html
 from app.pages.infer.code import Asked
 from app.pages.infer.controls import Controls
 from app.pages.infer.joined import Joined
-from app.pages.infer.parts import answer_html, methods_html, page_grid
+from app.pages.infer.parts import answer_html, methods_html
 from app.pages.observe.reading import Reading, changes_of, file_of, read_for, show_example
 from app.pages.observe.state import AUTO, LINKED, Upload
 from app.services.services import Unavailable
@@ -75,10 +75,12 @@ class InferPage(Page):
         self._renew()
         cards = self.cards
         rest = [cards.band_card, cards.moves_card, self.joined.card, cards.rank_card]
-        return page_grid(
-            self.controls.parts,
-            [ui.Opening(self.question).view, self.answer, self.problem, cards.corner_card.view],
-            [*(card.view for card in rest), *self._methods()],
+        return ui.page_layout(
+            cards.corner_card.view,
+            *(card.view for card in rest),
+            *self._methods(),
+            opening=ui.Opening(self.question, self.answer, self.problem),
+            panel=self.controls.view,
         )
 
     def update(self, changed: frozenset[str]) -> None:

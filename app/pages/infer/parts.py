@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import panel as pn
 from markupsafe import Markup
@@ -37,41 +37,6 @@ PAIR_WORDS = (
     "and 95 % about random points (TARP)."
 )
 COLUMNS = ("information (bits)", "68 % width (dex)", "coverage of 68 %", "of 95 %")
-GRID = """
-:host { display: grid !important; grid-template-columns: 300px minmax(0, 1fr); gap: 0 20px;
-        grid-template-areas: "controls head" "controls rest"; grid-template-rows: auto 1fr; }
-.sd-infer-controls { grid-area: controls; }
-.sd-infer-head { grid-area: head; }
-.sd-infer-rest { grid-area: rest; }
-@media (max-width: 900px) {
-  :host { grid-template-columns: minmax(0, 1fr); grid-template-rows: auto;
-          grid-template-areas: "head" "controls" "rest"; }
-}
-"""
-"""Controls beside the figure where there is room, below it on a phone."""
-
-
-def page_grid(controls: Sequence[Viewable], head: Sequence[Viewable], rest: Sequence[Viewable]) -> Viewable:
-    """One panel of controls; the answer and its figure first; then all else."""
-
-    def column(name: str, parts: Sequence[Viewable]) -> Viewable:
-        return pn.Column(
-            *parts,
-            sizing_mode=ui.WIDE,
-            margin=0,
-            styles={"min-width": "0"},
-            css_classes=[f"sd-infer-{name}"],
-        )
-
-    return pn.Column(
-        column("head", head),
-        column("controls", controls),
-        column("rest", rest),
-        sizing_mode=ui.WIDE,
-        margin=(8, 8),
-        stylesheets=[GRID],
-        css_classes=["sd-body"],
-    )
 
 
 def answer_html(found: Answer) -> Markup:
