@@ -197,6 +197,7 @@ def test_held_out_streams_are_none_that_it_has_learnt_from():
     assert streams.truth.log10_rate.nunique() == streams.n_streams
 
 
+@pytest.mark.slow
 def test_an_estimator_is_trained_in_the_background_and_then_answers(
     open_shell, services, tmp_path, monkeypatch
 ):

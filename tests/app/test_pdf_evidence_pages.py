@@ -59,6 +59,7 @@ def test_every_patched_column_exists_and_arrives(open_shell):
                 np.testing.assert_array_equal(np.array(live.sources[label].data[name]), values)
 
 
+@pytest.mark.slow
 def test_every_patched_column_of_ln_b_exists_and_arrives(open_shell):
     shell = open_shell(f"?page=evidence&mass={THREE}&fiducial=1")
     shell.session.noise = 0.3

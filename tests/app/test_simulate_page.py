@@ -181,6 +181,7 @@ def test_components_of_a_link_are_rows_with_their_impacts(own, open_own):
     assert page.progress.text.text.startswith(f"{total:.4g} impacts are expected")
 
 
+@pytest.mark.slow
 def test_components_are_edited_copied_and_removed_by_their_buttons(open_own):
     page = open_own(MIXED).page
     before = page.config
@@ -237,6 +238,7 @@ def test_a_job_is_started_watched_and_its_ensemble_selectable_in_every_session(o
     assert shell.page.failures == {}
 
 
+@pytest.mark.slow
 def test_two_sessions_share_a_job_and_cancel_keeps_what_is_finished(own, open_own):
     many = HERE.replace("sim_n=60", "sim_n=4000")
     first, second = open_own(many).page, open_own(many).page

@@ -91,6 +91,7 @@ def test_nothing_sticks_out_on_a_phone(shown):
         page.wait_for_function(f"() => ({WIDE})() === 0")
 
 
+@pytest.mark.slow
 def test_training_at_another_noise_and_a_study_by_keyboard(tab):
     """One after the other, in one tab: what is trained is studied."""
     page = trained(tab(TWO).page)

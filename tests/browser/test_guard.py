@@ -63,6 +63,7 @@ LOAD = "load"
 """In a session of its own: where another handler of the loaded document raises, it is not called."""
 
 
+@pytest.mark.slow
 def test_handlers_that_raise_take_nothing_from_the_next_visitor(chrome: Browser, faulty: str, raised: Path):
     def called() -> list[str]:
         return raised.read_text(encoding="utf-8").splitlines() if raised.exists() else []

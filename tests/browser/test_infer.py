@@ -35,6 +35,7 @@ def test_a_mock_is_answered_and_another_one_follows(tab):
     )
 
 
+@pytest.mark.slow
 def test_a_file_of_other_bins_is_read_and_training_offered(tab):
     page = tab("?page=infer&infer_data=upload").page
     page.locator(".sd-drop input").set_input_files(

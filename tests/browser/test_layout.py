@@ -50,6 +50,7 @@ def test_controls_stand_beside_the_figure_or_in_a_drawer(tab):
     expect(drawer).to_be_focused()
 
 
+@pytest.mark.slow
 def test_pages_are_reached_from_the_title_bar(tab):
     watched = tab("?page=profiles&noise=0.3", **WIDE)
     page = watched.page

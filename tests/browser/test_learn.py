@@ -63,6 +63,7 @@ def test_the_film_plays_pauses_and_scrubs_in_the_browser(tab):
     assert watched.complaints == []
 
 
+@pytest.mark.slow
 def test_another_mass_makes_another_film(tab):
     page = tab(FLYBY).page
     expect(page.locator(".sd-player .sd-film-play")).to_be_enabled()
@@ -79,6 +80,7 @@ def test_another_mass_makes_another_film(tab):
     expect(sentence).not_to_have_text(deepest)
 
 
+@pytest.mark.slow
 def test_a_film_with_another_flyby_is_right_at_once(tab):
     page = tab(FLYBY).page
     expect(film(page)).to_have_attribute("data-starts", "1")  # it opens playing

@@ -50,6 +50,7 @@ def test_the_example_is_classified_and_its_truth_revealed(tab):
     )
 
 
+@pytest.mark.slow
 def test_bad_files_get_a_sentence_and_the_connection_stays(tab):
     page = tab("?page=observe").page
     choose(page, "huge.csv", b"1" * (MAX_BYTES + 1))

@@ -138,6 +138,7 @@ def test_the_keyboard_chooses_a_bin_too(pdf_tab):
     expect(sentence(page, "pdf-bin")).to_contain_text("Bin α = 2,")
 
 
+@pytest.mark.slow
 def test_links_reproduce_both_pages(tab):
     for query, axis in (
         (f"?page=pdf&{THREE}&noise=0.23&n_bin=33&alpha=12", "Π(y_α|M)"),
@@ -149,6 +150,7 @@ def test_links_reproduce_both_pages(tab):
         assert same(lines(first, axis), lines(second, axis))
 
 
+@pytest.mark.slow
 def test_moving_the_sliders_changes_ln_b_and_then_the_table(tab):
     watched = tab(EVIDENCE)
     page = watched.page
@@ -233,7 +235,9 @@ def test_excluded_bins_are_grey_in_the_figure(evidence_tab):
     assert grey == pytest.approx(int(match[1]) * width)
 
 
-@pytest.mark.parametrize("query", [f"?page=pdf&{THREE}", f"?page=evidence&{THREE}"])
+@pytest.mark.parametrize(
+    "query", [f"?page=pdf&{THREE}", pytest.param(f"?page=evidence&{THREE}", marks=pytest.mark.slow)]
+)
 def test_a_phone_shows_everything_without_sideways_scrolling(tab, query):
     page = tab(query, width=390, height=844).page
     for theme in ("default", "dark"):

@@ -106,6 +106,7 @@ def test_a_bad_link_is_explained_and_the_rest_is_kept(tab):
     assert all(share > 0.1 for share, _ in painted(watched.page))
 
 
+@pytest.mark.slow
 def test_reload_and_back_keep_what_was_chosen(tab):
     page = tab(TWO).page
     page.get_by_role("button", name="ρ", exact=True).click()

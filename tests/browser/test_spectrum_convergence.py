@@ -49,6 +49,7 @@ def test_the_noise_slider_moves_the_spectra_and_the_statements(tab):
     assert watched.complaints == []
 
 
+@pytest.mark.slow
 def test_a_test_of_convergence_is_chosen_shown_and_downloaded(tab, tmp_path):
     watched = tab("?page=convergence&knob=times")
     page = watched.page
@@ -70,7 +71,9 @@ def test_a_test_of_convergence_is_chosen_shown_and_downloaded(tab, tmp_path):
     assert watched.complaints == []
 
 
-@pytest.mark.parametrize("query", [SPECTRUM, "?page=convergence&theme=dark"])
+@pytest.mark.parametrize(
+    "query", [SPECTRUM, pytest.param("?page=convergence&theme=dark", marks=pytest.mark.slow)]
+)
 def test_a_phone_shows_everything_without_sideways_scrolling(tab, query):
     page = tab(query, width=390, height=844).page
     expect(page.locator(".sd-sentence .sd-live").first).to_contain_text("streams")

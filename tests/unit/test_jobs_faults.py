@@ -154,6 +154,7 @@ def test_a_server_that_ends_does_not_wait_for_what_its_workers_were_given(config
     assert entry.n_done < 1000
 
 
+@pytest.mark.slow
 def test_two_servers_and_the_command_line_on_one_cache_in_an_odd_place(
     config, undisturbed, geometry_root, tmp_path, toy, server, launch
 ):

@@ -90,6 +90,7 @@ def test_csv_and_markdown_hold_the_same_table(results):
     assert "| the paper’s | 4.0 | 5.4 | 3.1 | 1.3 |" in markdown
 
 
+@pytest.mark.slow
 def test_command_writes_everything(small_cache_of_four, tmp_path, capsys, geometry):
     results = measure(load_sample(Cache((small_cache_of_four,))), geometry)
     options = ("--cache", str(small_cache_of_four), "--no-classifier", "-o", str(tmp_path / "deep" / "er"))
