@@ -52,8 +52,8 @@ BODY_OF_ONE = """
 """A page of one control: beside its question."""
 PANEL = """
 @media (min-width: 1100px) {
-  :host { background: color-mix(in srgb, currentColor 4%, transparent); border-radius: 6px;
-          padding: 6px 0 10px; }
+  :host { --sd-ground: color-mix(in srgb, currentColor 4%, var(--mui-palette-background-default));
+          background: var(--sd-ground); border-radius: 6px; padding: 6px 0 10px; }
 }
 @media (max-width: 1099px) {
   .sd-more { position: fixed !important; left: 0; right: 0; bottom: 0; z-index: 1250; max-height: 62vh;

@@ -25,10 +25,19 @@ SLIDER_DELAY = 10
 """Milliseconds in which moves of one slider are gathered; Panel's 50 are a third of our budget."""
 _ARROW = "%3Cpath d='M2 4l4 5 4-5z' fill='%23808080'/%3E"
 MENU_STYLE = f"""
+.bk-input-group > label {{ background: var(--sd-ground, var(--mui-palette-background-default)) !important; }}
 select.bk-input {{ background-image: url("data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' \
 width='12' height='12'%3E{_ARROW}%3C/svg%3E") !important; }}
 """
-"""The browser's own menu, with an arrow that is seen on any ground; Panel's is black."""
+"""The browser's own menu, with an arrow that is seen on any ground, Panel's is black; its label, which lies on
+the frame, has the ground of the panel that it stands in."""
+TOGGLE_STYLE = {
+    "display": "flex",
+    "width": "100%",
+    "flexWrap": "wrap",
+    # In one row where they fit; together as wide as there is room.
+    "& button": {"flex": "1 1 auto", "width": "auto", "whiteSpace": "nowrap", "padding": "5px 8px"},
+}
 PICKER_STYLE = {
     "display": "flex",
     "flexWrap": "wrap",
@@ -90,8 +99,9 @@ def toggle(
         value=getattr(page.session, name),
         size="small",
         margin=0,
+        sizing_mode=WIDE,
         css_classes=[f"sd-{name}"],
-        sx={"flexWrap": "wrap", "& button": {"whiteSpace": "nowrap", "padding": "5px 8px"}},
+        sx=TOGGLE_STYLE,
     )
     page.bind(name, widget)
     return pn.Column(caption(label), widget, margin=(4, 10), width_policy="min", **params)
@@ -194,7 +204,7 @@ def text_field(page: Page, name: str, label: str, help: str, placeholder: str = 
     """A line of text with a line of help below it."""
     options = {"size": "small", "sizing_mode": WIDE, "margin": 0, "css_classes": [f"sd-{name}"]}
     widget = page.bind(name, pmui.TextInput(label=label, placeholder=placeholder, **options))
-    return pn.Column(widget, caption(help), sizing_mode=WIDE, margin=(4, 0))
+    return pn.Column(widget, caption(help), sizing_mode=WIDE, margin=(4, 10))
 
 
 def _sized(name: str, params: dict[str, Any]) -> dict[str, Any]:

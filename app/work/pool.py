@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import os
 import tempfile
 import threading
@@ -57,6 +58,8 @@ STOP_S = 10.0
 START_S = 300.0
 """A worker has this long to start."""
 LOOK_S = 0.1
+SOON_S = 5.0
+"""A worker that would end this soon does not count as there."""
 WAITING_MAX = 400
 """Pieces that wait at the same time."""
 WAITING_PER_LEVEL = (200, 30)
@@ -140,6 +143,7 @@ class Pool:
         self.long_s, self.short_s, self.nice = long_s, short_s, nice
         self._waiting: list[Piece] = []
         self._running: list[Piece] = []
+        self._idle: set[_Lane] = set()
         self._used: LRUCache[tuple, tuple[float, float]] = LRUCache(REMEMBERED)
         self._changed = threading.Condition()
         self._closed = False
@@ -200,12 +204,12 @@ class Pool:
         here = weakref.ref(self)
         before_loky_waits(lambda: None if (pool := here()) is None else pool.close())
 
-    def take(self, only_short: bool) -> Piece | None:
+    def take(self, lane: _Lane) -> Piece | None:
         """Wait for the next piece; None when there will be none."""
         with self._changed:
             while not self._closed:
-                fit = [piece for piece in self._waiting if piece.short or not only_short]
-                if fit:
+                fit = [piece for piece in self._waiting if piece.short or not lane.only_short]
+                if fit and not self._left_to_another(lane, fit):
                     piece = min(fit, key=self._claim)  # the earliest of equals
                     self._waiting.remove(piece)
                     if piece.future.set_running_or_notify_cancel():
@@ -213,8 +217,21 @@ class Pool:
                         self._running.append(piece)
                         return piece
                     continue
+                self._idle.add(lane)
                 self._changed.wait()
+                self._idle.discard(lane)
         return None
+
+    def _left_to_another(self, lane: _Lane, fit: list[Piece]) -> bool:
+        """Whether lanes that wait have a worker already, for all the pieces that this one could take.
+
+        A new worker imports for seconds what those have at hand.
+        """
+        if lane.warm:
+            return False
+        ready = [other for other in self._idle if other is not lane and other.warm]
+        long = sum(not piece.short for piece in fit)
+        return len(ready) >= len(fit) and sum(not other.only_short for other in ready) >= long
 
     def release(self, piece: Piece, seconds: float) -> None:
         """A piece has ended; what it took is held against who asked."""
@@ -242,7 +259,8 @@ class _Lane:
     """One worker process and the thread that hands it work."""
 
     def __init__(self, pool: Pool, processes: bool, only_short: bool) -> None:
-        self._pool, self._processes, self._only_short = pool, processes, only_short
+        self._pool, self._processes, self.only_short = pool, processes, only_short
+        self._ended = -math.inf
         self._executor: Executor | None = None
         self._board = np.zeros(5)
         self._file: Path | None = None
@@ -254,6 +272,11 @@ class _Lane:
             self._thread = threading.Thread(target=self._run, name="lane", daemon=True)
             self._thread.start()
 
+    @property
+    def warm(self) -> bool:
+        """Whether its worker is there, and does not end for want of work in the next moments."""
+        return self._executor is not None and time.monotonic() - self._ended < IDLE_S - SOON_S
+
     def close(self) -> None:
         """End the worker."""
         self._kill()
@@ -261,7 +284,7 @@ class _Lane:
             self._file.unlink(missing_ok=True)
 
     def _run(self) -> None:
-        while (piece := self._pool.take(self._only_short)) is not None:
+        while (piece := self._pool.take(self)) is not None:
             start = time.monotonic()
             outcome: Any = None
             raised: BaseException | None = None
@@ -269,7 +292,8 @@ class _Lane:
                 outcome = self._work(piece)
             except BaseException as error:
                 raised = error
-            self._pool.release(piece, time.monotonic() - start)
+            self._ended = time.monotonic()
+            self._pool.release(piece, self._ended - start)
             if raised is not None:
                 piece.future.set_exception(raised)
             else:

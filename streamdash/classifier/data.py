@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from sklearn.model_selection import train_test_split
 
 from streamdash._moved import renamed
 from streamdash.survey.design import measured
@@ -73,6 +72,8 @@ def split(y: np.ndarray, seed: int) -> Split:
     seed : int
         Decides who goes where; nothing else does.
     """
+    from sklearn.model_selection import train_test_split  # a second of imports, in every worker process
+
     rows = np.arange(len(y))
     rest, test = train_test_split(rows, test_size=TEST_SHARE, stratify=y, random_state=seed)
     train, validation = train_test_split(

@@ -42,6 +42,7 @@ class Forecast:
     n_shown : how many finished streams the panel shows, at most `SHOWN_MAX`.
     panel : the streams there are, for the figure; None when there are none.
     impacts : expected per stream of every component; empty when the geometry is not there.
+    measured : whether the streams were looked at; before that, only what stands in the cache is known.
     """
 
     config: EnsembleConfig
@@ -52,6 +53,18 @@ class Forecast:
     n_shown: int
     panel: Bands | None
     impacts: tuple[float, ...] = ()
+    measured: bool = True
+
+
+def glance(results: Results, configs: Sequence[EnsembleConfig], workers: int) -> tuple[Forecast, ...]:
+    """What is known of every arm without computing a stream: a tenth of a second."""
+    found = []
+    for config in configs:
+        geometry = _geometry(results, config)
+        impacts = _impacts(geometry, config)
+        expected = Preview(sum(impacts) if geometry else float("nan"), float("nan"), None)
+        found.append(_known(results, config, workers, expected, geometry, measured=False))
+    return tuple(found)
 
 
 def look_ahead(results: Results, configs: Sequence[EnsembleConfig], workers: int) -> tuple[Forecast, ...]:
@@ -66,32 +79,59 @@ def look_ahead(results: Results, configs: Sequence[EnsembleConfig], workers: int
 
 
 def _forecast(results: Results, config: EnsembleConfig, workers: int) -> Forecast:
-    cache = results.cache
     first = config.model_copy(update={"n_streams": PREVIEWED})
-    try:
-        geometry: Geometry | None = results.geometry(config.stream)
-    except Unavailable:
-        geometry = None
+    geometry = _geometry(results, config)
     if geometry is None:
         impacts = results.shared(("expectation", first.key), lambda: expectation(first))
         glimpse = Preview(impacts, float("nan"), None)
     else:
         known = geometry
         glimpse = results.shared(("preview", first.key), lambda: preview(first, known, PREVIEWED))
-    covering = cache.covering(config)
-    finished = cache.open_finished(covering.key if covering else config.key, SHOWN_MAX)
+    found = _known(results, config, workers, dataclasses.replace(glimpse, streams=None), geometry)
+    covering = found.covering
+    finished = results.cache.open_finished(covering.key if covering else config.key, SHOWN_MAX)
     if finished is not None:  # a larger ensemble may have more
         finished = finished.isel(stream=finished.stream.values < config.n_streams)
+    return dataclasses.replace(
+        found,
+        n_shown=0 if finished is None else finished.sizes["stream"],
+        panel=panel_of(config, glimpse.streams, finished),
+    )
+
+
+def _known(
+    results: Results,
+    config: EnsembleConfig,
+    workers: int,
+    glimpse: Preview,
+    geometry: Geometry | None,
+    measured: bool = True,
+) -> Forecast:
+    cache = results.cache
     return Forecast(
         config,
-        dataclasses.replace(glimpse, streams=None),
+        glimpse,
         0.0 if geometry is not None else _geometry_seconds(cache, config, workers),
         cache.streams_done(config),
-        covering,
-        0 if finished is None else finished.sizes["stream"],
-        panel_of(config, glimpse.streams, finished),
-        tuple(expected_impacts(geometry, part) for part in config.population.components) if geometry else (),
+        cache.covering(config),
+        0,
+        None,
+        _impacts(geometry, config),
+        measured,
     )
+
+
+def _geometry(results: Results, config: EnsembleConfig) -> Geometry | None:
+    try:
+        return results.geometry(config.stream)
+    except Unavailable:
+        return None
+
+
+def _impacts(geometry: Geometry | None, config: EnsembleConfig) -> tuple[float, ...]:
+    if geometry is None:
+        return ()
+    return tuple(expected_impacts(geometry, part) for part in config.population.components)
 
 
 def n_workers(limits: Limits) -> int:
@@ -156,7 +196,9 @@ def words_coarse(config: EnsembleConfig, found: Sequence[Preview], panels: Seque
 def words_before(forecast: Forecast, workers: int) -> str:
     """What starting would mean: impacts, time, what is there already."""
     config, glimpse = forecast.config, forecast.preview
-    words = [f"{glimpse.impacts_per_stream:.4g} impacts are expected per stream."]
+    words = ["Counting the expected impacts …"]
+    if np.isfinite(glimpse.impacts_per_stream):
+        words = [f"{glimpse.impacts_per_stream:.4g} impacts are expected per stream."]
     if forecast.covering is not None:
         total = forecast.covering.n_total
         among = f", the first of {total}" if total != config.n_streams else ""
@@ -177,12 +219,14 @@ def words_before(forecast: Forecast, workers: int) -> str:
             f"{duration(seconds)} on {number_of(workers, 'worker')} "
             f"({1e3 * glimpse.seconds_per_stream:.0f} ms each)."
         )
+    elif not forecast.measured:
+        words.append("Measuring how long a stream takes …" if not forecast.geometry_s else "")
     elif not forecast.geometry_s:
         words.append("So many impacts make a stream too slow for a preview.")
     if forecast.n_done:
         done = f"{forecast.n_done} of {config.n_streams} {is_or_are(forecast.n_done)}"
         words.append(f"{done} finished already and kept.")
-    return " ".join(words)
+    return " ".join(word for word in words if word)
 
 
 def words_curves(forecast: Forecast, panel: Bands) -> str:

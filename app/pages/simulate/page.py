@@ -16,6 +16,7 @@ from app.page import Page
 from app.pages.simulate.forecast import (
     Forecast,
     coarse_previews,
+    glance,
     look_ahead,
     n_workers,
     panel_of,
@@ -74,6 +75,7 @@ class SimulatePage(Page):
         self._drawn = -math.inf
         self._leave: Callable[[], None] | None = None
         self.later = Later(self.services, self._show_forecasts, self._fail)
+        self.soon = Later(self.services, self._show_glance, self._fail, self.services.here)
         self.components = Components(lambda texts: self.session.param.update(**texts))
         self.progress = Progress(self.start, self.cancel, self.see_profiles, self.preview)
         self.caveats = pn.Column(sizing_mode=ui.WIDE, margin=0)
@@ -113,6 +115,7 @@ class SimulatePage(Page):
     def close(self) -> None:
         self._closed = True
         self.later.cancel()
+        self.soon.cancel()
         self.watch.leave()
         if self._leave is not None:
             self._leave()
@@ -256,6 +259,7 @@ class SimulatePage(Page):
             self.config, self.configs = None, ()
             self.progress.coarse.visible = False
             self.later.cancel()
+            self.soon.cancel()
             self._waiting = False
             self.progress.announce("", can_start=False, resume=False)
             self.progress.refuse(str(error))
@@ -264,6 +268,7 @@ class SimulatePage(Page):
         self.watch.leave()
         self.progress.refuse("")
         self.progress.announce("Looking ahead …", can_start=True, resume=False)
+        self.soon.ask(partial(glance, self.services, self.configs, n_workers(self.services.jobs.limits)), 0.0)
         self._ask(())
         self.look()
 
@@ -276,8 +281,23 @@ class SimulatePage(Page):
         compute = partial(look_ahead, services, configs, n_workers(services.jobs.limits))
         self.later.ask(compute, rest_s, key, keep=False)
 
+    def _show_glance(self, forecasts: tuple[Forecast, ...]) -> None:
+        """Say what is known at once, while streams are still looked at."""
+        self.components.expect([forecast.impacts for forecast in forecasts])
+        if self._status() is None:
+            self._announce(forecasts)
+
+    def _announce(self, forecasts: tuple[Forecast, ...]) -> None:
+        """Say what starting would mean."""
+        missing = [forecast for forecast in forecasts if forecast.covering is None]
+        workers = n_workers(self.services.jobs.limits)
+        words = [self._which(one.config) + words_before(one, workers) for one in forecasts]
+        begun = any(forecast.n_done > 0 for forecast in missing)
+        self.progress.announce(" ".join(words), bool(missing), begun)
+
     def _show_forecasts(self, forecasts: tuple[Forecast, ...]) -> None:
         self._waiting = False
+        self.soon.cancel()
         self._drawn = time.monotonic()
         self.forecasts = forecasts
         same = tuple(forecast.config for forecast in forecasts) == self.configs
@@ -285,11 +305,7 @@ class SimulatePage(Page):
             self.components.expect([forecast.impacts for forecast in forecasts])
         status = self._status()
         if status is None or status.state == "done":
-            can = any(forecast.covering is None for forecast in forecasts)
-            resume = can and any(forecast.covering is None and forecast.n_done > 0 for forecast in forecasts)
-            workers = n_workers(self.services.jobs.limits)
-            words = [self._which(one.config) + words_before(one, workers) for one in forecasts]
-            self.progress.announce(" ".join(words), can, resume)
+            self._announce(forecasts)
         lacking = any(forecast.geometry_s for forecast in forecasts)
         self.progress.coarse.visible = bool(same and lacking and self.services.jobs.limits.max_jobs)
         if self.watch.following is None or not lacking:
@@ -302,6 +318,7 @@ class SimulatePage(Page):
 
     def _fail(self, sentence: str) -> None:
         self._waiting = False
+        self.soon.cancel()
         self.progress.announce("", can_start=False, resume=False)
         self.progress.refuse(sentence)
 

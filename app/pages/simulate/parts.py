@@ -81,9 +81,8 @@ class Components:
         self.rows = pn.Column(sizing_mode=ui.WIDE, margin=0, css_classes=["sd-sim-components"])
         self._parts: Sequence[Perturbers] = ()
         self.add = ui.button("Add a component", self._add, size="small", css_classes=["sd-sim-add"])
-        self.view = pn.Column(
-            ui.caption("What hits the stream"), self.rows, self.add, self.note, sizing_mode=ui.WIDE
-        )
+        heading = pn.Column(ui.caption("What hits the stream"), margin=(0, 10))
+        self.view = pn.Column(heading, self.rows, self.add, self.note, sizing_mode=ui.WIDE, margin=(4, 0))
 
     def show(self, config: EnsembleConfig, in_hand: int) -> None:
         """List the components; the knobs below tell of the one that is in hand."""
