@@ -29,8 +29,8 @@ MENU_STYLE = f"""
 select.bk-input {{ background-image: url("data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' \
 width='12' height='12'%3E{_ARROW}%3C/svg%3E") !important; }}
 """
-"""The browser's own menu, with an arrow that is seen on any ground, Panel's is black; its label, which lies on
-the frame, has the ground of the panel that it stands in."""
+"""The browser's own menu, with an arrow that is seen on any ground; Panel's is black. The label lies on the
+frame and has the ground of the panel that it stands in."""
 TOGGLE_STYLE = {
     "display": "flex",
     "width": "100%",

@@ -1,4 +1,4 @@
-"""Do the shipped estimators' intervals hold the truth as often as they say, on streams made for the question?"""
+"""Do the shipped estimators' intervals hold the truth as often as they say?"""
 
 from __future__ import annotations
 
@@ -84,7 +84,8 @@ def rows(estimator: Estimator, streams: HeldOut, factors: Sequence[float] = (1.0
 def table(found: Sequence[tuple[str, Row]]) -> str:
     """Rows of several estimators, each with its estimator's name, as a table in Markdown."""
     lines = [
-        "| estimator | told | parameter | streams | information (bits) | coverage of 68 % | of 95 % | as asked |",
+        "| estimator | told | parameter | streams | information (bits) "
+        "| coverage of 68 % | of 95 % | as asked |",
         "|---" * 8 + "|",
     ]
     for title, row in found:

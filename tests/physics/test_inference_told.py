@@ -7,7 +7,8 @@ import pytest
 
 from streamdash.config import ConfigError
 from streamdash.inference.cells import AGE, age_edges, cell_of, grid_of
-from streamdash.inference.diagnostics import score, scores
+from streamdash.inference.coverage import ASKED, Row, rows
+from streamdash.inference.diagnostics import LEVELS, Score, score, scores
 from streamdash.inference.files import EstimatorFileError, load_estimator
 from streamdash.inference.held_out import HeldOut, load_streams
 from streamdash.inference.posterior import Posterior, make_grid
@@ -33,21 +34,30 @@ def test_ages_that_have_no_even_cells_are_refused(ages):
         grid_of(Prior(ages_gyr=ages), with_age=True)
 
 
-@pytest.mark.parametrize("factor", [0.3, 1.0, 2.0])
-def test_told_estimators_are_calibrated_at_any_error(told, factor):
+def test_told_estimators_are_calibrated_at_any_error_and_age(told):
+    """On its shipped streams; `streamdash estimator coverage` says it of fresh ones."""
     estimator, streams = told
-    p = estimator.posterior(streams.observed(estimator, factor), factor)
-    n = streams.n_streams
-    found = scores(p, estimator.grid, streams.truth)["log10_rate"]
-    # The bounds, and three standard errors of so many streams.
-    assert abs(found.coverage[0] - 0.68) < 0.03 + 3 * np.sqrt(0.68 * 0.32 / n)
-    assert abs(found.coverage[1] - 0.95) < 0.015 + 3 * np.sqrt(0.95 * 0.05 / n)
-    nine = (streams.truth[AGE] == 9).to_numpy()
-    rate = np.asarray(estimator.grid["log10_rate"])
-    known = [Posterior(estimator.grid, one).at(AGE, 9.0).p for one in p[nine]]
-    fixed = score(np.array(known), rate, streams.truth[nine].log10_rate.to_numpy())
-    assert abs(fixed.coverage[0] - 0.68) < 0.03 + 3 * np.sqrt(0.68 * 0.32 / fixed.n)
-    assert fixed.information > found.information, "to know the age is worth something"
+    found = list(rows(estimator, streams, (0.3, 1.0, 2.0)))
+    assert len(found) == 3 * (1 + len(estimator.prior.ages_gyr))
+    assert [row.what for row in found if row.score.n == streams.n_streams] == [
+        f"errors × {factor}" for factor in ("0.3", "1", "2")
+    ]
+    for row in found:
+        # The bounds, and three standard errors of so many streams.
+        for share, level, margin in zip(row.score.coverage, LEVELS, ASKED, strict=True):
+            assert abs(share - level) < margin + 3 * np.sqrt(level * (1 - level) / row.score.n), row
+    for factor in ("0.3", "1", "2"):
+        whole = next(row for row in found if row.what == f"errors × {factor}")
+        nine = next(row for row in found if row.what == f"errors × {factor}, 9 Gyr")
+        assert nine.score.information > whole.score.information, "to know the age is worth something"
+
+
+def test_a_coverage_that_is_not_as_asked_is_called_so():
+    def row(*coverage: float) -> Row:
+        return Row("", "log10_rate", Score(1.0, 0.1, 0.5, coverage, 1000))
+
+    assert row(0.70, 0.955).right
+    assert not row(0.60, 0.95).right and not row(0.68, 0.99).right
 
 
 def test_the_sharper_estimator_says_more_of_the_usual_age_and_errors(told):
