@@ -16,7 +16,7 @@ from app.ui.layout import (
     page_layout,
     side_panel,
 )
-from app.ui.templates import TABLE_STYLE, Html, render
+from app.ui.templates import SCROLLS, TABLE_STYLE, Html, render
 from app.ui.text import (
     caption,
     class_heading,
@@ -46,6 +46,7 @@ from app.ui.widgets import (
 
 __all__ = [
     "FIGURE_HEIGHT",
+    "SCROLLS",
     "TABLE_STYLE",
     "WIDE",
     "FigureCard",

@@ -68,7 +68,7 @@ class LiveText(JSComponent):
     _esm = ANNOUNCED
     _stylesheets = [
         """
-        .sd-live { margin: 0; font: 14px/1.5 Roboto, sans-serif; max-width: 110ch;
+        .sd-live { margin: 0; font: var(--sd-type, 14px)/1.5 Roboto, sans-serif; max-width: 110ch;
                    color: var(--mui-palette-text-secondary, inherit); }
         """
     ]
@@ -370,7 +370,8 @@ class Links(JSComponent):
     """
     _stylesheets = [
         """
-        .sd-link-list { margin: 0; padding: 0; list-style: none; font: 15px/1.9 Roboto, sans-serif; }
+        .sd-link-list { margin: 0; padding: 0; list-style: none;
+                        font: var(--sd-type, 15px)/1.9 Roboto, sans-serif; }
         .sd-link-list a { color: var(--mui-palette-primary-main, inherit); }
         .sd-link-list a::after { content: " →"; }
         .sd-link-list a:focus-visible { outline: 3px solid #e69f00; outline-offset: 2px; }

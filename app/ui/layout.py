@@ -195,9 +195,14 @@ def page_layout(
     )
 
 
-def figure_pane(figure: UIElement, height: str = FIGURE_HEIGHT) -> Viewable:
-    """A figure as wide and as high as there is room; ``height`` is a length of CSS."""
+def figure_pane(figure: UIElement, height: str = FIGURE_HEIGHT, square: bool = False) -> Viewable:
+    """A figure as wide and as high as there is room; ``height`` is a length of CSS.
+
+    A ``square`` one is no wider than high: its two axes are one space.
+    """
     style = f".bk-Figure, .bk-GridPlot {{ height: {height} !important; flex: none !important; }}"
+    if square:
+        style += f" .bk-Figure {{ width: min(100%, {height}) !important; margin: 0 auto !important; }}"
     pane = pn.pane.Bokeh(figure, sizing_mode=WIDE, margin=0)
     # From outside: Panel gives what it puts into a pane the pane's own style.
     return pn.Column(pane, sizing_mode=WIDE, margin=0, stylesheets=[style])
@@ -255,6 +260,8 @@ class FigureCard:
         Returns the lines of Python that make the figure as it is now.
     legend
         Shown under the figure.
+    bare
+        Whether heading, files and code are left out.
 
     Attributes
     ----------
@@ -272,6 +279,7 @@ class FigureCard:
         table: Callable[[], pd.DataFrame],
         code: Callable[[], str],
         legend: Viewable | None = None,
+        bare: bool = False,
     ) -> None:
         self._code = code
         self._name = name
@@ -308,8 +316,7 @@ class FigureCard:
             margin=0,
         )
         self.view = pn.Column(
-            head,
-            self._tray,
+            *([] if bare else [head, self._tray]),
             figure_grid(figures),
             *([legend] if legend else []),
             self._sentence,

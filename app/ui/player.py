@@ -141,7 +141,7 @@ class Player(JSComponent):
     _stylesheets = [
         """
         .sd-film { display: flex; flex-wrap: wrap; align-items: center; gap: 6px 14px;
-                   font: 14px/1.5 Roboto, sans-serif; color: inherit; }
+                   font: var(--sd-type, 14px)/1.5 Roboto, sans-serif; color: inherit; }
         .sd-film-play { font: inherit; color: inherit; background: none; min-width: 96px; min-height: 36px;
                         border: 1px solid currentColor; border-radius: 4px; padding: 4px 12px;
                         cursor: pointer; }

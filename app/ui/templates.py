@@ -24,14 +24,23 @@ TEMPLATES = Environment(
     auto_reload=False,
 )
 TEMPLATES.globals["class_colour"] = class_colour
-TABLE_STYLE = """
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; font: 14px/1.4 Roboto, sans-serif; width: 100%; }
-caption { text-align: left; padding: 4px 8px; font-weight: 500; }
-th, td { padding: 4px 8px; text-align: right; vertical-align: top; white-space: nowrap; }
-th[scope=row] { text-align: left; font-weight: 400; }
-thead th { border-bottom: 1px solid #808080; }
-small { display: block; opacity: 0.8; font-size: 12px; }
+SCROLLS = """
+.wide { overflow-x: auto; --sd-ground: var(--mui-palette-background-paper, Canvas);
+  background:
+    linear-gradient(to right, var(--sd-ground) 12px, transparent) left / 44px 100% no-repeat local,
+    linear-gradient(to left, var(--sd-ground) 12px, transparent) right / 44px 100% no-repeat local,
+    linear-gradient(to right, #808080d0, transparent) left / 18px 100% no-repeat scroll,
+    linear-gradient(to left, #808080d0, transparent) right / 18px 100% no-repeat scroll; }
+"""
+"""What is wider than its place scrolls, and a shadow lies on the side on which there is more of it."""
+TABLE_STYLE = f"""
+{SCROLLS}
+table {{ border-collapse: collapse; font: 14px/1.4 Roboto, sans-serif; width: 100%; }}
+caption {{ text-align: left; padding: 4px 8px; font-weight: 500; }}
+th, td {{ padding: 4px 8px; text-align: right; vertical-align: top; white-space: nowrap; }}
+th[scope=row] {{ text-align: left; font-weight: 400; }}
+thead th {{ border-bottom: 1px solid #808080; }}
+small {{ display: block; opacity: 0.8; font-size: 12px; }}
 """
 """What tables have in common; a table's own style follows it."""
 

@@ -15,7 +15,7 @@ from streamdash.naming import CLASS_COLOURS, class_colour
 from streamdash.streams import stream_of
 
 LEGEND_STYLE = """
-.legend { display: flex; flex-wrap: wrap; gap: 4px 18px; font: 13px/1.5 Roboto, sans-serif; }
+.legend { display: flex; flex-wrap: wrap; gap: 4px 18px; font: var(--sd-type, 13px)/1.5 Roboto, sans-serif; }
 .item { display: inline-flex; align-items: center; gap: 6px; }
 .swatch { display: inline-block; width: 24px; height: 2px; }
 .image { height: 10px; background: linear-gradient(#8080801a, #808080e0, #8080801a); }
@@ -74,7 +74,7 @@ def stream_caveats(model: StreamModel) -> Html:
 
 def heading(text: str) -> Html:
     """Heading of a part of a page."""
-    style = "font: 500 22px/1.4 Roboto, sans-serif; margin: 0"
+    style = "font: 500 var(--sd-heading, 22px)/1.4 Roboto, sans-serif; margin: 0"
     return Html(
         fill('<h2 style="{{ style }}">{{ text }}</h2>', style=style, text=text), sizing_mode=None, margin=4
     )

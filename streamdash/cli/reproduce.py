@@ -49,6 +49,12 @@ def reproduce_command(
             help="Also train the classifiers of table 2, and one on each statistic.",
         ),
     ] = True,
+    studies: Annotated[
+        bool,
+        typer.Option(
+            "--studies", help="Also do the studies that the Classifier page shows at once; some minutes."
+        ),
+    ] = False,
     cache: CacheOption = None,
 ) -> None:
     """Redo the paper's model selection and its classifier; the paper's numbers stand beside."""
@@ -80,6 +86,14 @@ def reproduce_command(
         print(f"\n{markdown}", end="")
         keep(folder, {"statistics.json": numbers, "statistics.md": markdown})
         print(f"\n{reproduce_full_range(where, folder, figures)}", end="")
+    if studies:
+        from streamdash.paper.evidence import TWO_CLASSES
+        from streamdash.paper.studies import study_results
+
+        found = study_results(where, sample.only(TWO_CLASSES).configs)
+        keep(folder, {"studies.json": found})
+        for name, one in found["studies"].items():
+            print(f"{name}: {one['seconds']:.0f} s of a processor")
     if text is not None:
         from streamdash.paper.differences import differences
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import holoviews as hv
 import numpy as np
 import pandas as pd
@@ -98,7 +100,12 @@ def draw_pulled(shown: Pulled, frame: int, backend: Backend) -> hv.Overlay:
     reach = 1.08 * float(np.abs(shown.place).max())
     ends = (-reach, reach)
     overlay = framed(parts, "in the plane of the orbit (kpc)", "(kpc)", ends, ends, backend)
-    return overlay if backend == "matplotlib" else overlay.opts(data_aspect=1, backend="bokeh")
+    return overlay if backend == "matplotlib" else overlay.opts(hooks=[_even_borders], backend="bokeh")
+
+
+def _even_borders(plot: Any, element: Any) -> None:
+    """As much beside the frame as above and below it: in a square figure both axes have one scale."""
+    plot.state.update(min_border_left=80, min_border_right=20, min_border_top=30, min_border_bottom=70)
 
 
 def pulled_frames(shown: Pulled) -> dict[tuple[str, str], np.ndarray]:

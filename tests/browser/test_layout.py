@@ -5,30 +5,23 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import expect
 
-from app.pages.registry import PAGES
+from tests.benchmarks.first_edges import PHONE, VIEWS, WIDE, first_edge
 from tests.browser.driving import open_controls
 
 pytestmark = pytest.mark.browser
-PHONE, WIDE = {"width": 390, "height": 844}, {"width": 1440, "height": 900}
-HIGHEST = {390: 420, 1440: 260}
-"""Farthest down, in pixels, that a page's first figure may begin, by the width of the screen."""
-WITHOUT = {"observe", "learn"}
-"""Observe has no figure before it has a profile; the lessons have a layout of their own."""
 QUICK = {"home", "evidence"}
 FIGURED = [
-    pytest.param(page.key, marks=[] if page.key in QUICK else [pytest.mark.slow])
-    for page in PAGES
-    if page.key not in WITHOUT
+    pytest.param(query, id=name, marks=[] if name in QUICK else [pytest.mark.slow])
+    for name, query in VIEWS.items()
+    if not name.startswith("observe")
 ]
 
 
-@pytest.mark.parametrize("key", FIGURED)
-def test_the_first_figure_is_in_sight(tab, key):
-    page = tab(f"?page={key}", **WIDE).page
+@pytest.mark.parametrize("query", FIGURED)
+def test_the_first_figure_is_in_sight(tab, query):
+    page = tab(f"?page={query}", **WIDE).page
     for size in (WIDE, PHONE):
-        page.set_viewport_size(size)
-        limit = HIGHEST[size["width"]]
-        page.wait_for_function("limit => sd.tops().length && sd.tops()[0] <= limit", arg=limit)
+        first_edge(page, size)
         assert page.evaluate("() => document.documentElement.scrollWidth") <= size["width"]
         page.wait_for_function("() => sd.lying().length === 0")
     # Nothing of a closed drawer is in sight, whatever Panel calls visible in it.
@@ -96,3 +89,48 @@ def test_the_front_page_answers_and_its_doors_open(tab):
     expect(page.locator(".sd-card-profiles")).to_be_visible()
     assert "page=profiles" in page.url and "noise=0.11" in page.url
     assert watched.complaints == []
+
+
+LETTERS = """() => {
+  const small = []
+  const look = (node, card) => {
+    for (const child of node.childNodes) {
+      if (child.nodeType === Node.TEXT_NODE) {
+        const parent = child.parentElement ?? child.parentNode.host
+        const size = parseFloat(getComputedStyle(parent).fontSize)
+        if (child.textContent.trim() && parent.checkVisibility() && size < 24
+            && !["STYLE", "SCRIPT"].includes(parent.tagName)) {
+          small.push(child.textContent.trim())
+        }
+      } else { look(child) }
+      if (child.shadowRoot) { look(child.shadowRoot) }
+    }
+  }
+  for (const part of ["sd-story", "sd-predict", "sd-links", "sd-foot", "sd-card"]) {
+    sd.all(part).forEach(box => { look(box); if (box.shadowRoot) { look(box.shadowRoot) } })
+  }
+  return small
+}"""
+
+
+def test_a_projector_shows_large_letters_and_a_figure_that_fills_the_screen(tab):
+    watched = tab("?page=learn&step=6&projector=yes", width=1920, height=1080)
+    page = watched.page
+    page.wait_for_function("() => sd.tops().length === 1 && sd.view(sd.figures()[0])._render_count > 0")
+    box = page.evaluate("() => sd.view(sd.figures()[0]).el.getBoundingClientRect().toJSON()")
+    assert box["height"] > 0.7 * 1080 and box["width"] > 0.5 * 1920
+    page.wait_for_function("""() => sd.figures()[0].left.concat(sd.figures()[0].below).every(axis =>
+        parseFloat(axis.axis_label_text_font_size) >= 24 && axis.major_label_text_font_size === "24px")""")
+    assert page.evaluate(LETTERS) == []
+    assert watched.complaints == []
+
+
+def test_what_is_wider_than_a_phone_shows_that_it_scrolls(tab):
+    """Beside the shadow, which lies on the side on which there is more, a keyboard reaches it."""
+    page = tab("?page=evidence", **PHONE).page
+    page.wait_for_function("() => sd.all('wide').some(box => box.scrollWidth > box.clientWidth + 1)")
+    shadows = page.evaluate("""() => sd.all('wide').map(box => {
+      const style = getComputedStyle(box)
+      return [style.backgroundImage.match(/gradient/g)?.length, style.backgroundAttachment, box.tabIndex]
+    })""")
+    assert shadows and all(found == [4, "local, local, scroll, scroll", 0] for found in shadows)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from panel.viewable import Viewable
 
 from app import ui
@@ -10,10 +12,13 @@ from app.services.comparison import shared_comparison
 from app.session.catalog import Choice
 from app.session.session import link_to
 from app.ui.browser import Doors
+from streamdash.paper.studies import shipped_studies
 from streamdash.plots.answers import profiles_answer
+from streamdash.plots.classifier import class_names
 from streamdash.plots.live import export
 from streamdash.plots.profiles import sentence
 from streamdash.statistics.evidence import Comparison
+from streamdash.words import percent_between
 
 DOORS = (
     ("profiles", "Explore", "Thousands of simulated streams: profiles, statistics, evidence, a classifier."),
@@ -88,4 +93,19 @@ class HomePage(ProfilesPage):
                     sums.append(
                         (f"{session.ensembles[i].label} against {session.ensembles[j].label}", total.value)
                     )
-        return ui.render("pages/home/facts.html", streams=streams, sums=sums, noise=session.noise)
+        return ui.render(
+            "pages/home/facts.html", streams=streams, sums=sums, noise=session.noise, accuracy=_accuracy()
+        )
+
+
+def _accuracy() -> dict[str, Any] | None:
+    """How well the shipped study's classifier tells its classes apart."""
+    found = shipped_studies()
+    if found is None:
+        return None
+    return {
+        "noise": found["noise"],
+        "share": percent_between(found["accuracy"], *found["accuracy_interval"]),
+        "n": found["n_test"],
+        "classes": " or ".join(class_names(found["labels"])),
+    }

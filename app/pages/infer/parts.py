@@ -19,8 +19,9 @@ from streamdash.plots import corner
 from streamdash.plots.live import LiveFigure
 from streamdash.prior import Prior
 
-STYLE = """
-.wide { overflow-x: auto; }
+STYLE = (
+    ui.SCROLLS
+    + """
 :host { font: 15px/1.5 Roboto, sans-serif; }
 p { margin: 4px 0; max-width: 110ch; }
 table { border-collapse: collapse; font-size: 14px; margin: 6px 0; }
@@ -32,6 +33,7 @@ tbody th { font-weight: 400; }
           border-left: 6px solid #0072b2; background: #0072b21a; }
 .unlike { border-color: #d64533; background: #d645331f; }
 """
+)
 PAIR_WORDS = (
     " Of two parameters together, the table gives the share of streams whose truth is within regions of 68 % "
     "and 95 % about random points (TARP)."

@@ -19,6 +19,7 @@ def row(
 ) -> Viewable:
     """A toggle with buttons large enough for a finger in one row, or in more where there is no room."""
     column: Any = ui.toggle(page, name, label, options)
+    column.margin = (1, 10)
     column[1].sx = {
         "flexWrap": "wrap",
         "width": "max-content",
@@ -28,6 +29,7 @@ def row(
             "width": "auto",
             "flex": "0 0 auto",
             "padding": f"7px {space}px",
+            "@media (max-width: 700px)": {"padding": f"7px {min(space, 6)}px", "fontSize": "12px"},
         },
     }
     return column

@@ -157,6 +157,7 @@ class OrbitsStep(Step):
     """Stars on neighbouring orbits: pulled forward falls back."""
 
     title = "Pulled forward, falls back"
+    square = True
     uses = frozenset({"mass10"})
     ink = (orbits.PATH.format(orbits.FREE),)
     legend = (

@@ -13,6 +13,9 @@ from panel.viewable import Viewable
 from app import ui
 from app.ui.browser import LiveText
 
+TYPE = {"fontSize": "var(--sd-type, 14px)"}
+"""Buttons whose words grow with the others on a wall."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -56,12 +59,16 @@ class Prediction:
         self.answers, self._outcome, self._act = answers, outcome, act
         self.said: int | None = None
         self.buttons = [
-            ui.button(words, partial(self.say, i), css_classes=[f"sd-predict-{i}"], margin=(4, 6))
+            ui.button(words, partial(self.say, i), css_classes=[f"sd-predict-{i}"], margin=(4, 6), sx=TYPE)
             for i, words in enumerate(answers)
         ]
         self.verdict = LiveText(sizing_mode=ui.WIDE, margin=(4, 8), css_classes=["sd-outcome"])
         self.view: Viewable = pn.Column(
-            ui.plain_text(f"Predict, then see: {question}", margin=(4, 8), styles={"font-weight": "500"}),
+            ui.plain_text(
+                f"Predict, then see: {question}",
+                margin=(4, 8),
+                styles={"font-weight": "500", "font-size": TYPE["fontSize"]},
+            ),
             pn.FlexBox(*self.buttons, gap="0", sizing_mode=ui.WIDE, margin=0),
             self.verdict,
             sizing_mode=ui.WIDE,

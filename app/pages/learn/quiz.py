@@ -301,8 +301,6 @@ class QuizLesson:
     def _controls(self) -> Viewable:
         return ui.controls(
             row(self.page, "difficulty", "Difficulty", {words: key for key, words in DIFFICULTIES.items()}),
-            ui.int_slider(self.page, "average", "Average over bins"),
-            ui.button("Ten others", self.new_game, css_classes=["sd-new-game"], margin=(4, 10)),
         )
 
     def _build(self) -> None:
@@ -345,6 +343,11 @@ class QuizLesson:
             self.card.view,
             ui.controls(self.sure_row, *self.buttons, self.next_button),
             self.verdict,
+            # Below what is asked: on a phone the stream and the answers come first.
+            ui.controls(
+                ui.int_slider(self.inner, "average", "Average over bins"),
+                ui.button("Ten others", self.new_game, css_classes=["sd-new-game"], margin=(4, 10)),
+            ),
             self.clue_card.view,
             self.scores,
             pn.Column(rule, margin=(0, 10), sizing_mode=ui.WIDE),

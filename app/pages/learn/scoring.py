@@ -11,8 +11,9 @@ from markupsafe import Markup
 from app import ui
 from streamdash.classifier.quiz import points, spread
 
-SCORE_STYLE = """
-.wide { overflow-x: auto; }
+SCORE_STYLE = (
+    ui.SCROLLS
+    + """
 table { border-collapse: collapse; font: 13px/1.4 Roboto, sans-serif; width: 100%; max-width: 560px; }
 th, td { padding: 3px 1px; text-align: center; border-bottom: 1px solid #80808060; }
 th[scope=row] { text-align: left; font-weight: 500; }
@@ -22,6 +23,7 @@ small { display: block; font-size: 11px; }
 .right { background: #009E7333; }
 .wrong { background: #D55E0033; }
 """
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,6 +32,8 @@ class Step:
     """Swatches and words, see `app.ui.legend`."""
     question = ""
     """What to predict, see `outcome`."""
+    square = False
+    """Whether the figure's two axes are one space."""
     by_class = False
     """Whether the legend also names the colour of each class."""
 

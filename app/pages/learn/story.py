@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import panel as pn
+from bokeh.models import CustomJS, Text
 from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
 from app.pages.learn.layout import FIGURE_FIRST, FIGURES, row
-from app.pages.learn.predict import Prediction
+from app.pages.learn.predict import TYPE, Prediction
 from app.pages.learn.prose import Prose
 from app.pages.learn.steps import STEPS, Step
 from app.pages.learn.text import GLOSSARY
@@ -32,8 +33,12 @@ FOOT = {
 }
 """Back and Next stay in sight, however long the text is."""
 
-WALL = {"--sd-prose-size": "clamp(22px, 1.6vw, 40px)"}
+LARGE = "clamp(24px, 1.3vw, 40px)"
+WALL = {"--sd-prose-size": LARGE, "--sd-type": LARGE, "--sd-heading": "clamp(28px, 1.8vw, 52px)"}
 """Type that is read from the last row of a room."""
+KEPT = "if (cb_obj[name] !== size) { cb_obj[name] = size }"
+WALL_FIGURE = "calc(100vh - 250px)"
+"""Height of a figure on a wall: what legend and sentence leave; the film's player takes some of it."""
 
 
 def projected(session: Session) -> bool:
@@ -43,9 +48,14 @@ def projected(session: Session) -> bool:
 
 def enlarge(figure: Any) -> None:
     """Make a Bokeh figure readable from afar."""
-    figure.update(height=600)
+    figure.toolbar_location = None
     for axis in figure.axis:
-        axis.update(axis_label_text_font_size="22px", major_label_text_font_size="20px")
+        for name, size in (("axis_label_text_font_size", "26px"), ("major_label_text_font_size", "24px")):
+            axis.update(**{name: size})
+            # The theme gives every axis of a page its own size, whenever light or dark is chosen.
+            axis.js_on_change(name, CustomJS(args={"name": name, "size": size}, code=KEPT))
+    for text in figure.select({"type": Text}):
+        text.text_font_size = "24px"
 
 
 class StoryLesson:
@@ -60,24 +70,25 @@ class StoryLesson:
     def view(self) -> Viewable:
         """Navigation, the step, the glossary."""
         session, wall = self.session, projected(self.session)
+        foot: Any = {"margin": (4, 10), "sx": TYPE}
         titles = {f"{i}": i for i in range(1, len(STEPS) + 1)}
-        self.back = ui.button("Back", lambda: self._go(-1), css_classes=["sd-back"], margin=(4, 10))
-        self.on = ui.button("Next step", lambda: self._go(1), css_classes=["sd-on"], margin=(4, 10))
+        self.back = ui.button("Back", lambda: self._go(-1), css_classes=["sd-back"], **foot)
+        self.on = ui.button("Next step", lambda: self._go(1), css_classes=["sd-on"], **foot)
         self._limit()
         glossary = pn.pane.Markdown(
             GLOSSARY, renderer_options={"html": False}, sizing_mode=ui.WIDE, margin=(0, 8)
         )
-        foot = [self.back, self.on]
+        buttons = [self.back, self.on]
         if wall:
-            foot.append(
+            buttons.append(
                 ui.button(
                     "Usual screen",
                     lambda: session.param.update(projector="no"),
                     css_classes=["sd-usual"],
-                    margin=(4, 10),
+                    **foot,
                 )
             )
-        parts: list[Viewable] = [self.slot, pn.Row(*foot, margin=0, styles=FOOT, css_classes=["sd-foot"])]
+        parts: list[Viewable] = [self.slot, pn.Row(*buttons, margin=0, styles=FOOT, css_classes=["sd-foot"])]
         if not wall:
             words = "Glossary: every word and symbol"
             steps = row(self.page, "step", "Step", titles, space=15)
@@ -131,7 +142,12 @@ class StoryLesson:
         step = self.step
         self.prediction = Prediction(step.question, step.answers, step.outcome, self._reveal)
         self.player = step.player(self.live.sources)
-        figure = ui.figure_grid([self.live.figure])
+        wall = projected(session)
+        if wall:
+            enlarge(self.live.figure)
+        taken = "" if self.player is None else " - 70px"
+        height = f"calc({WALL_FIGURE}{taken})" if wall else ui.FIGURE_HEIGHT
+        figure = ui.figure_grid([ui.figure_pane(self.live.figure, height, step.square)])
         if self.player is not None:
             figure = pn.Column(self.player, figure, sizing_mode=ui.WIDE, margin=0)
         self.card = ui.FigureCard(
@@ -142,6 +158,7 @@ class StoryLesson:
             table=step.table,
             code=self.code,
             legend=ui.legend(step.swatches(), len(session.ensembles)),
+            bare=wall,
         )
         self._say()
         left = pn.Column(
@@ -150,12 +167,10 @@ class StoryLesson:
             self.prediction.view,
             self.links,
             margin=0,
-            styles={"flex": "1 1 340px", "min-width": "0", "max-width": "680px"},
+            styles={"flex": "1 1 340px", "min-width": "0", "max-width": "46vw" if wall else "680px"},
         )
-        if projected(session):
-            enlarge(self.live.figure)
         right = pn.Column(
-            *([] if projected(session) else [ui.controls(*step.controls())]),
+            *([] if wall else [ui.controls(*step.controls())]),
             self.card.view,
             margin=0,
             styles={"flex": "1.4 1 420px", "min-width": "0"},

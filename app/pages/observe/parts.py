@@ -31,8 +31,9 @@ OF_VALUE = ("error", "error_kind", "error_unit", "constant")
 ERRORS = {"a column": "column", "constant": "constant", "Poisson (√counts)": "poisson"}
 ROWS_SHOWN = 4
 COLUMNS_SHOWN = 8
-STYLE = """
-.wide { overflow-x: auto; }
+STYLE = (
+    ui.SCROLLS
+    + """
 :host { font: 15px/1.5 Roboto, sans-serif; }
 h2 { font-size: 17px; font-weight: 500; margin: 16px 0 4px; }
 p { margin: 4px 0; max-width: 110ch; }
@@ -48,6 +49,7 @@ tbody th { font-weight: 400; }
 .unlike { border-color: #d64533; background: #d645331f; }
 .unusual { border-color: #e69f00; background: #e69f001f; }
 """
+)
 
 
 class AssumptionControls:
