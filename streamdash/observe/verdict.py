@@ -225,6 +225,10 @@ def learn(
             if free is None
             else steps.start(COSTS["free"], train, free, design.sigma, settings, None, should_stop)
         )
+        # It needs no model: begun while the first one is trained.
+        likeness = steps.start(
+            COSTS["likeness"], learn_likeness, streams, design.sigma, smooth, known, sets.test, cloud, seed
+        )
         judged = trained.result()
         misfit = steps.start(
             COSTS["misfit"],
@@ -238,9 +242,6 @@ def learn(
             known,
             sets.test,
             seed,
-        )
-        likeness = steps.start(
-            COSTS["likeness"], learn_likeness, streams, design.sigma, smooth, known, sets.test, cloud, seed
         )
         resampled = [
             steps.start(COSTS["resampled"] / N_MODELS, _resampled, judged, streams, design, sets, number)
