@@ -29,6 +29,7 @@ from app.ui.text import (
     stream_caveats,
 )
 from app.ui.widgets import (
+    MENU_STYLE,
     button,
     class_button,
     ensemble_picker,
@@ -46,6 +47,7 @@ from app.ui.widgets import (
 
 __all__ = [
     "FIGURE_HEIGHT",
+    "MENU_STYLE",
     "SCROLLS",
     "TABLE_STYLE",
     "WIDE",

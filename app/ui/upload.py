@@ -128,8 +128,10 @@ class FileDrop(JSComponent):
     _stylesheets = [
         """
         .drop { display: flex; flex-wrap: wrap; gap: 8px 16px; align-items: center; cursor: pointer;
-                border: 2px dashed #808080; border-radius: 8px; padding: 14px 16px;
+                border: 2px dashed #808080; border-radius: 8px; padding: 8px 16px;
                 font: 15px/1.4 Roboto, sans-serif; }
+        @media (max-width: 700px) { .drop { padding: 5px 10px; } .drop span { position: absolute;
+          width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); white-space: nowrap; } }
         .drop.over { border-color: #e69f00; }
         .drop input { font: inherit; max-width: 100%; }
         .drop p { margin: 0; flex-basis: 100%; color: #d64533; }

@@ -104,12 +104,15 @@ class Prepared:
         return committee_proba(self.models, q)
 
     def bands(self) -> np.ndarray:
-        """16 %, 50 % and 84 % quantiles of each class's streams as observed (n_classes, 3, n_bin)."""
-        q = self.streams.observed(self.design.sigma)
-        classes = range(len(self.streams.labels))
-        return np.stack(
-            [np.quantile(q[self.streams.y == c], (BAND[0], 0.5, BAND[1]), axis=0) for c in classes]
-        )
+        """See `class_bands`."""
+        return class_bands(self.streams)
+
+
+def class_bands(streams: ObservedStreams) -> np.ndarray:
+    """16 %, 50 % and 84 % quantiles of each class's streams as observed (n_classes, 3, n_bin)."""
+    q = streams.observed(streams.design.sigma)
+    classes = range(len(streams.labels))
+    return np.stack([np.quantile(q[streams.y == c], (BAND[0], 0.5, BAND[1]), axis=0) for c in classes])
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from bokeh.io.doc import set_curdoc
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.pages.observe.parts import ASK
+from app.pages.observe.parts import ASK, step_words
 from app.pages.observe.state import Upload
 from app.pages.registry import PAGES
 from app.services.services import Services
@@ -82,6 +82,10 @@ def problems(page) -> str:
 def test_nothing_is_shown_before_there_is_a_file(open_page):
     page = open_page()
     assert not page.read_part.visible and not page.result_part.visible
+    assert "Choose a table" in page.opening.answer
+    # In the figure's place stands the example, as what it is.
+    assert page.look is not None and page.look.bands.shape == (2, 3, 35)
+    assert page.card._sentence.text.startswith("This is the example, as your table would be shown.")
 
 
 def test_the_example_is_read_and_every_assumption_stated(open_page):
@@ -91,6 +95,43 @@ def test_the_example_is_read_and_every_assumption_stated(open_page):
         assert words in page.stated.object
     assert page.assumptions.widgets["value"].value == "density"
     assert "35 bins" in page.status.text
+
+
+def test_a_profile_is_seen_over_the_classes_before_anything_is_learnt(open_page):
+    page = open_page(EXAMPLE_LINK)
+    assert page.outcome is None and page.look.bands.shape == (2, 3, 35)
+    assert "Share of them within the band" in page.card._sentence.text
+    assert page.card.files["csv"]().count(b"\n") == 36
+    assert "press Classify" in page.opening.answer
+    assert "Share of them" in page._known()  # said again while the answer is computed
+    before = page.look.bands
+    page.assumptions.widgets["order"].value = "1"
+    assert not np.allclose(page.look.bands, before)  # as observed now
+
+
+def test_a_coordinate_that_numbers_alone_suggest_is_asked_for(open_page):
+    page = open_page()
+    rows = "\n".join(f"{x} {1 + 0.1 * (x % 3)} 0.1" for x in range(165, 235, 2))
+    upload(page, rows.encode())
+    assert "coordinate" in page.reading.assumptions.undecided
+    assert page.assumptions.widgets["coordinate"].value == ASK
+    assert page.assumptions.widgets["coordinate"].css_classes == ["sd-chip", "sd-asked"]
+    assert not page.controls.view.visible and "has to be said" in page.opening.answer
+    page.assumptions.widgets["coordinate"].value = "ell"
+    assert "coordinate" not in page.reading.assumptions.undecided
+    assert page.assumptions.widgets["coordinate"].css_classes == ["sd-chip"]
+
+
+@pytest.mark.parametrize(
+    ("fraction", "seconds", "words"),
+    [
+        (0.0, 0.0, "Learning to tell the classes apart: 0 % done."),
+        (0.5, 10.0, "Learning what mistakes in a table look like: 50 % done, about 10 s left."),
+        (1.0, 20.0, "Trying errors that are wrong: 100 % done, about 5 s left."),
+    ],
+)
+def test_the_step_that_runs_and_the_time_left_are_said(fraction, seconds, words):
+    assert step_words(fraction, seconds) == words
 
 
 def test_a_changed_assumption_is_followed_and_what_belongs_in_a_link_is_there(open_page):

@@ -13,7 +13,6 @@ QUICK = {"home", "evidence"}
 FIGURED = [
     pytest.param(query, id=name, marks=[] if name in QUICK else [pytest.mark.slow])
     for name, query in VIEWS.items()
-    if not name.startswith("observe")
 ]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -13,6 +14,7 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.page import Page
+from app.pages.observe.code import listing
 from app.pages.observe.parts import (
     STYLE,
     AssumptionControls,
@@ -21,13 +23,17 @@ from app.pages.observe.parts import (
     numbers_html,
     preview_html,
     robustness_html,
+    step_words,
 )
 from app.pages.observe.reading import (
+    Look,
     Outcome,
     Reading,
     changes_of,
     example_words,
     file_of,
+    look_at,
+    look_at_example,
     question,
     read_for,
     show_example,
@@ -35,15 +41,15 @@ from app.pages.observe.reading import (
 )
 from app.pages.observe.state import AUTO, LINKED, Upload
 from app.services.services import Unavailable
-from app.session.listing import ensembles_code
 from app.ui.browser import LiveText
 from app.ui.study import TaskControls
 from app.ui.upload import FileDrop
 from app.work.later import Later
 from app.work.tasks import Task, Watch
 from streamdash.config import StreamModel
+from streamdash.naming import class_labels, class_names
 from streamdash.observe.provenance import provenance_words, signed
-from streamdash.observe.wording import name, tried, truth_words
+from streamdash.observe.wording import tried, truth_words
 from streamdash.plots import observe
 from streamdash.plots.live import LiveFigure, export
 from streamdash.plots.report_html import report_html
@@ -55,6 +61,7 @@ LEGEND = (
     ("band", "where 68 % of a class's streams lie, observed alike"),
     ("line", "its median"),
 )
+INVITATION = "Choose a table of its density, or look at the example."
 BLANK: dict[str, Any] = {"columns": {}, **dict.fromkeys(LINKED.values(), AUTO)}
 
 
@@ -74,8 +81,11 @@ class ObservePage(Page):
         self.reading = Reading()
         self.outcome: Outcome | None = None
         self.asked: Any = None
+        self.began: float | None = None
         self.expected: Any = None
+        self.look: Look | None = None
         self.later = Later(self.services, self._show_reading, self._refuse)
+        self.looking = Later(self.services, self._show_look, self._no_look)
         self.watch = Watch(self._show_task)
         self.trying = Watch(self._show_trials)
         self.status = LiveText(margin=(4, 10), css_classes=["sd-observe-status"])
@@ -83,17 +93,13 @@ class ObservePage(Page):
         self.assumptions = AssumptionControls(self.session)
         self.preview = _html("sd-preview")
         self.stated = _html("sd-stated")
-        self.measured = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.controls = TaskControls(
             "Classify", self.classify, self.watch.cancel, "classify", color="primary", size="large"
         )
-        self.read_part = _column(
-            self.assumptions.view,
-            ui.figure_grid(
-                [pn.Column(self.stated, self.preview, sizing_mode=ui.WIDE, margin=0), self.measured],
-                narrowest=420,
-            ),
-        )
+        # What was read as sentences, then a chip for each of them that changes it.
+        self.read_part = _column(self.stated, self.assumptions.view)
+        self.rows_part = _column(self.preview)
+        self.opening = ui.Opening(self.question)
         self.answer, self.numbers, self.caveats = _html("sd-answer"), _html("sd-numbers"), _html("sd-caveats")
         self.truth = ui.plain_text("", css_classes=["sd-truth"], styles={"font-size": "17px"})
         self.reveal = ui.button("Reveal the truth", self._reveal, css_classes=["sd-reveal"])
@@ -102,40 +108,44 @@ class ObservePage(Page):
         self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.card = self._card()
         self.result_part = _column(
+            ui.heading("The answer"),
             self.answer,
+            ui.controls(self.reveal, self.truth),
+            self.numbers,
+            ui.heading("What it depends on"),
+            self.holds_status,
+            self.holds,
+            self.caveats,
+            ui.heading("Report"),
             ui.controls(
                 ui.download("streamdash-report.html", "report", self._html_report),
                 ui.download("streamdash-report.json", "json", self._json_report),
-                self.reveal,
-                self.truth,
             ),
-            self.numbers,
-            self.holds_status,
-            self.holds,
-            self.card.view,
-            self.caveats,
         )
         self.drop = FileDrop(
             self._receive,
             self._refuse,
             limit=int(1e6 * self.services.uploads.max_upload_mb),
             announce=self._await,
-            sizing_mode=ui.WIDE,
-            margin=(10, 10),
+            margin=(4, 10),
+            styles={"flex": "1 1 200px", "min-width": "0"},
             css_classes=["sd-drop"],
+        )
+        example = ui.button(
+            example_words(self.model), self._example, css_classes=["sd-example"], margin=(4, 10)
         )
         self._read()
         return ui.page_layout(
-            self.drop,
-            ui.controls(
-                ui.button(example_words(self.model), self._example, css_classes=["sd-example"]), self.status
-            ),
+            ui.controls(self.drop, example),
             self.problem,
-            self.controls.view,
-            self.result_part,  # above what was read: the answer is where the button was pressed
+            self.card.view,
+            self.status,
             self.read_part,
+            self.controls.view,
+            self.result_part,
+            self.rows_part,
             ui.plain_text(introduction(self.model), margin=(14, 10), max_width=1000),
-            opening=ui.Opening(self.question),
+            opening=self.opening,
             panel=ui.side_panel([ui.stream_picker(self)], [ui.ensemble_picker(self)]),
         )
 
@@ -152,6 +162,7 @@ class ObservePage(Page):
 
     def close(self) -> None:
         self.later.cancel()
+        self.looking.cancel()
         self.watch.leave()
         self.trying.leave()
         self._forget()
@@ -162,6 +173,7 @@ class ObservePage(Page):
         if self.reading.observation is None:
             return
         self._forget()
+        self.began = None
         key, compute = question(self.services, self.session.ensembles, self.reading.observation)
         self.expected = key
         self.asked = None if self.session.example == "yes" else key
@@ -187,15 +199,16 @@ class ObservePage(Page):
     def _await(self, name: str) -> None:
         """Another file was chosen and is on its way: nothing that is shown of the last one counts."""
         self._clear(f"Reading “{name}” …")
-        self.read_part.visible = False
+        self.read_part.visible = self.rows_part.visible = self.card.view.visible = False
 
     def _clear(self, words: str) -> None:
         """Forget what was read and said; nothing can be classified until something is read."""
         self.later.cancel()
+        self.looking.cancel()
         self.watch.leave()
         self.trying.leave()
         self.result_part.visible = False
-        self.outcome = self.expected = None
+        self.outcome = self.expected = self.look = None
         self.reading = Reading()
         self.controls.start.disabled = True
         self.status.text = words
@@ -205,7 +218,8 @@ class ObservePage(Page):
         file = file_of(self.session)
         self._clear("" if file is None else "Reading …")
         if file is None:
-            self.read_part.visible = self.controls.view.visible = False
+            self.read_part.visible = self.rows_part.visible = self.controls.view.visible = False
+            self._invite()
             return
         changes = changes_of(self.session)
         self.later.ask(partial(read_for, self.services, self.model, file, changes))
@@ -214,7 +228,8 @@ class ObservePage(Page):
         self.reading = reading
         table, observation = reading.table, reading.observation
         self.problem[:] = [ui.error_state(reading.problem)] if reading.problem else []
-        self.read_part.visible = table is not None
+        self.read_part.visible = self.rows_part.visible = table is not None
+        self.card.view.visible = observation is not None
         self.assumptions.show(reading)
         self.preview.write(preview_html(table) if table is not None else "")
         self.controls.view.visible = observation is not None
@@ -229,12 +244,63 @@ class ObservePage(Page):
             self.status.text = f"{what} was read: {observation.design.n_bin} bins are compared."
         else:
             self.status.text = "" if table is None else f"{what} was read; its columns need to be set."
+        self.look = None
         self._draw()
+        self._say_next()
+        if observation is not None:
+            self.card.say(observe.sentence(observation, None, []))
+            keys = [choice.key for choice in self.session.ensembles]
+            self.looking.ask(partial(look_at, self.services, keys, observation), rest_s=0.0, keep=False)
+
+    # ------------------------------------------------------------ looking
+
+    def _invite(self) -> None:
+        """Before there is a file: the example in the place where it will be seen."""
+        self.opening.say(INVITATION)
+        home = self.model == StreamModel()
+        self._draw()
+        self.card.view.visible = home  # the example is of this stream, and says nothing of another
+        if home:
+            keys = [choice.key for choice in self.session.ensembles]
+            self.looking.ask(
+                partial(look_at_example, self.services, self.model, keys), key=("observe example", *keys)
+            )
+
+    def _show_look(self, look: Look | None) -> None:
+        """The bands are there, of the file that is shown or of the example before there is one."""
+        self.look = look
+        if look is None:
+            self.card.view.visible = False
+            return
+        self._draw()
+        words = observe.sentence(look.observation, look.bands, self._names())
+        none = self.reading.source is None
+        self.card.say(f"This is the example, as your table would be shown. {words}" if none else words)
+
+    def _no_look(self, sentence: str) -> None:
+        """Without bands the measurement is seen alone; classifying says what is wrong."""
+        self.card.view.visible = self.reading.observation is not None
+
+    def _say_next(self) -> None:
+        """What comes next, above the figure."""
+        if self.outcome is not None:
+            self.opening.say(self.outcome.result["answer"])
+        elif self.reading.observation is not None:
+            self.opening.say("Look at it over the classes, check what is assumed, then press Classify.")
+        elif self.reading.table is not None:
+            self.opening.say("One thing has to be said about the table before it can be shown: see below.")
+        else:
+            self.opening.say(INVITATION)
 
     # ------------------------------------------------------------ result
 
     def _show_task(self, task: Task) -> None:
         self.controls.show(task, "Done.")
+        if task.state == "running":
+            self.began = self.began or time.monotonic()
+            words = step_words(task.fraction, time.monotonic() - self.began)
+            known = f" Known already: {self._known()}" if self.look is not None else ""
+            self.controls.text.text = words + known
         source = self.reading.source
         if task.state != "done" or task.key != self.expected or source is None:
             return
@@ -249,8 +315,10 @@ class ObservePage(Page):
         )
         self.reveal.visible = self.session.example == "yes"
         self.truth.write("")
+        self.look = Look(outcome.observation, outcome.bands)
         self.card.say(observe.sentence(outcome.observation, outcome.bands, self._names()))
         self.result_part.visible = True
+        self._say_next()
         self._draw()
         self._try_others()
 
@@ -280,23 +348,20 @@ class ObservePage(Page):
     def _draw(self) -> None:
         """Draw the measurement, alone and over the classes, in the page's ink."""
         dark = self.session.theme == "dark"
-        observation = self.reading.observation
-        self.measured[:] = (
-            [] if observation is None else [_pane(observe.draw(observation, None, "bokeh", dark))]
-        )
-        if self.outcome is not None:
-            overlay = observe.draw(self.outcome.observation, self.outcome.bands, "bokeh", dark)
-            self.slot[:] = [_pane(overlay)]
+        observation = self.look.observation if self.look is not None else self.reading.observation
+        bands = self.look.bands if self.look is not None else None
+        drawn = None if observation is None else observe.draw(observation, bands, "bokeh", dark)
+        self.slot[:] = [ui.plain_text("Observing the simulated streams …") if drawn is None else _pane(drawn)]
 
     def _card(self) -> ui.FigureCard:
         return ui.FigureCard(
-            "The profile over the classes, observed alike",
+            "The profile over the classes",
             self.slot,
             name="observe",
             image=lambda kind: export(
-                observe.draw(self._ready().observation, self._ready().bands, "matplotlib"), kind
+                observe.draw(self._seen().observation, self._seen().bands, "matplotlib"), kind
             ),
-            table=lambda: observe.table(self._ready().observation, self._ready().bands, self._labels()),
+            table=lambda: observe.table(self._seen().observation, self._seen().bands, self._labels()),
             code=self._code,
             legend=ui.legend(LEGEND, len(self.session.ensembles)),
         )
@@ -313,11 +378,21 @@ class ObservePage(Page):
             raise Unavailable("No profile has been classified yet; press Classify.")
         return self.outcome
 
+    def _seen(self) -> Look:
+        if self.look is None:
+            raise Unavailable("No profile has been read yet; choose a table, or the example.")
+        return self.look
+
+    def _known(self) -> str:
+        """How many of the bins lie in the band of each class."""
+        seen = self._seen()
+        return observe.sentence(seen.observation, seen.bands, self._names()).partition(". ")[2]
+
     def _labels(self) -> list[str]:
-        return [c["mass_range"] for c in self._ready().result["classes"]]
+        return class_names(self.session.configs)
 
     def _names(self) -> list[str]:
-        return [name(c) for c in self._ready().result["classes"]]
+        return class_labels(self.session.configs)
 
     def _html_report(self) -> bytes:
         outcome = self._ready()
@@ -327,31 +402,8 @@ class ObservePage(Page):
         return json.dumps(self._ready().result, indent=1).encode()
 
     def _code(self) -> str:
-        example = self.session.example == "yes"
-        file = "EXAMPLE" if example else 'Path("profile.csv")  # your table'
-        lines = [
-            "from pathlib import Path\n",
-            "from streamdash.simulation.geometry import load_geometry",
-            "from streamdash.observe.observation import interpret",
-            "from streamdash.observe.guess import Assumptions",
-            "from streamdash.observe.table import read_table",
-            "from streamdash.plots.live import export",
-            "from streamdash.plots.observe import draw",
-            "from streamdash.observe.report import report, text",
-            "from streamdash.store.cache import Cache",
-            *(["from streamdash.survey.mock import EXAMPLE"] if example else []),
-            "from streamdash.observe.verdict import judge, prepare\n",
-            f"cache = Cache.default()\n{ensembles_code(self.session.ensembles).rstrip()}",
-            f"file = {file}",
-            f"assumptions = Assumptions.parse({self._ready().observation.assumptions.model_dump_json()!r})",
-            "geometry = load_geometry(cache.find(ensembles[0]).config.stream, cache)",
-            "observation = interpret(read_table(file.read_bytes()), assumptions, geometry)",
-            "prepared = prepare(cache, ensembles, observation.design)",
-            "print(text(report(judge(prepared, observation), observation, prepared)))",
-            'figure = draw(observation, prepared.bands(), "matplotlib")',
-            'Path("observe.png").write_bytes(export(figure, "png"))',
-        ]
-        return "\n".join(lines) + "\n"
+        example = self.session.example == "yes" or self.reading.source is None
+        return listing(self.session.ensembles, self._seen().observation.assumptions, example)
 
 
 def introduction(model: StreamModel) -> str:

@@ -20,6 +20,7 @@ from app.ui.templates import render
 from streamdash.observe.guess import ERROR_UNITS, KINDS, NOTHING, Assumptions
 from streamdash.observe.observation import NAMES
 from streamdash.observe.table import Table, shown
+from streamdash.observe.verdict import COSTS
 from streamdash.plots.report_html import result_tables, robustness_table
 from streamdash.words import number_of
 
@@ -29,6 +30,17 @@ CHOOSE = "choose …"
 """What a menu shows where nothing in the table decides; nothing is classified before it is chosen."""
 OF_VALUE = ("error", "error_kind", "error_unit", "constant")
 ERRORS = {"a column": "column", "constant": "constant", "Poisson (√counts)": "poisson"}
+STEPS = {
+    "train": "Learning to tell the classes apart",
+    "free": "Learning them with their abundance free",
+    "misfit": "Learning what mistakes in a table look like",
+    "likeness": "Asking whether any simulated stream looks like this one",
+    "resampled": "Learning anew from other streams, to see how sure it is",
+    "pdfs": "Computing the evidence",
+    "replicas": "Asking how often the answer is right at this quality",
+    "wrong errors": "Trying errors that are wrong",
+}
+"""Steps of an answer (`streamdash.observe.verdict.COSTS`) in words."""
 ROWS_SHOWN = 4
 COLUMNS_SHOWN = 8
 STYLE = (
@@ -52,8 +64,25 @@ tbody th { font-weight: 400; }
 )
 
 
+CHIP = """
+:host { margin: 0 !important; }
+:host(.sd-asked) .bk-input-group { border-color: #e69f00; border-width: 2px; background: #e69f0026; }
+.bk-input-group { display: inline-flex !important; flex-direction: row !important; align-items: center;
+  gap: 4px; border: 1px solid #80808099; border-radius: 17px; padding: 0 4px 0 12px; width: auto !important; }
+.bk-input-group > label, .bk-input-group > .bk-label {
+  position: static !important; transform: none !important;
+  padding: 0 !important; margin: 0 !important; background: none !important; white-space: nowrap;
+  font: 13px/1.4 Roboto, sans-serif; opacity: 0.85; }
+.bk-input { border: 0 !important; background-color: transparent !important; height: 32px !important;
+  min-height: 32px !important; padding: 2px 22px 2px 6px !important; margin: 0 !important;
+  font: 500 14px/1.4 Roboto, sans-serif; width: auto !important; max-width: 260px; color: inherit; }
+input.bk-input { max-width: 76px; padding-right: 4px !important; }
+"""
+"""An assumption as a pill: what it is, and a menu or number that changes it."""
+
+
 class AssumptionControls:
-    """Menus and numbers, one for each assumption, that follow what was read and change the session.
+    """Chips, one for each assumption, that follow what was read and change the session.
 
     Browsers' own menus: panel-material-ui's cannot be opened with the keyboard.
     """
@@ -61,7 +90,11 @@ class AssumptionControls:
     def __init__(self, session: ObserveState) -> None:
         self.session = session
         self.view = pn.FlexBox(
-            align_items="end", gap="4px 0px", sizing_mode=ui.WIDE, css_classes=["sd-assumptions"]
+            align_items="center",
+            gap="6px 8px",
+            margin=(4, 10),
+            sizing_mode=ui.WIDE,
+            css_classes=["sd-assumptions"],
         )
         self.widgets: dict[str, Any] = {}
         self.options: dict[str, dict[str, str]] = {}
@@ -83,6 +116,7 @@ class AssumptionControls:
         try:
             for name, value in _values(a).items():
                 widget, plain = self.widgets[name], self.options.get(name)
+                widget.css_classes = ["sd-chip", *(["sd-asked"] if name in open_fields else [])]
                 if plain is None:
                     widget.value = value
                 elif name in open_fields:
@@ -110,7 +144,7 @@ class AssumptionControls:
             "width": _number("Width (deg, 0: spacing)"),
             "bin": _number("Count stars in bins of (deg)"),
             "value": _menu("Value", names),
-            "kind": _menu("The value is", {words: key for key, words in KINDS.items()}, 300),
+            "kind": _menu("The value is", {words: key for key, words in KINDS.items()}),
             "smooth": _menu("Smooth profile", optional),
             "order": _menu("Divide by polynomial", {"mean (order 0)": "0", **orders, "nothing": "-1"}),
             "error_kind": _menu("Error from", ERRORS),
@@ -166,6 +200,30 @@ def preview_html(table: Table) -> Markup:
     )
 
 
+def step_words(fraction: float, seconds: float) -> str:
+    """Which step of an answer runs, how much is done, and about how long the rest takes.
+
+    Parameters
+    ----------
+    fraction
+        Share of the work that is done.
+    seconds
+        Since it began.
+    """
+    before, step = 0.0, ""
+    total = sum(COSTS.values())
+    for name, cost in COSTS.items():
+        step = STEPS.get(name, step)
+        before += cost / total
+        if fraction < before:
+            break
+    words = f"{step}: {5 * int(20 * fraction)} % done"
+    if fraction < 0.05 or seconds < 1:
+        return f"{words}."
+    left = seconds * (1 - fraction) / fraction
+    return f"{words}, about {max(5, 5 * round(left / 5))} s left."
+
+
 def list_html(title: str, sentences: Sequence[str]) -> Markup:
     """Sentences under a heading."""
     return render("pages/observe/list.html", title=title, sentences=sentences)
@@ -179,12 +237,12 @@ def _values(assumptions: Assumptions) -> dict[str, Any]:
     return {**values, "order": str(assumptions.order), **sizes}
 
 
-def _menu(label: str, options: dict[str, str], width: int = 190) -> Viewable:
-    return pn.widgets.Select(label=label, options=options, width=width, margin=(4, 10))
+def _menu(label: str, options: dict[str, str]) -> Viewable:
+    return pn.widgets.Select(label=label, options=options, stylesheets=[ui.MENU_STYLE, CHIP], margin=0)
 
 
 def _number(label: str) -> Viewable:
-    return pn.widgets.FloatInput(label=label, start=0, step=0.1, width=170, margin=(4, 10))
+    return pn.widgets.FloatInput(label=label, start=0, step=0.1, stylesheets=[CHIP], margin=0)
 
 
 def _cell(value: float) -> str:

@@ -23,9 +23,10 @@ from streamdash.observe.provenance import Source
 from streamdash.observe.report import report
 from streamdash.observe.robustness import other_sets, robustness, variants
 from streamdash.observe.table import ObservationError, Table, read_table
-from streamdash.observe.verdict import judge, prepare
+from streamdash.observe.verdict import class_bands, judge, prepare
 from streamdash.streams import stream_of
 from streamdash.survey.mock import EXAMPLE
+from streamdash.survey.observed import ObservedStreams
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +103,26 @@ def read(upload: Upload, changes: Mapping[str, Any], geometry: Geometry) -> Read
         return Reading(source, table, assumptions, interpret(table, assumptions, geometry))
     except ObservationError as error:
         return Reading(source, table, assumptions, problem=str(error))
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """An observation over the bands of the classes: what is seen before anything is learnt."""
+
+    observation: Observation
+    bands: np.ndarray
+
+
+def look_at(results: Results, keys: Sequence[str], observation: Observation) -> Look:
+    """The bands of the classes as so observed, which takes about a second; a worker computes them."""
+    streams = ObservedStreams.read(results.cache, keys, observation.design)
+    return Look(observation, class_bands(streams))
+
+
+def look_at_example(results: Results, stream: StreamModel, keys: Sequence[str]) -> Look | None:
+    """The same of the example, for who has brought nothing yet."""
+    observation = read_for(results, stream, Upload(EXAMPLE.read_bytes(), EXAMPLE.name), {}).observation
+    return None if observation is None else look_at(results, keys, observation)
 
 
 def question(
