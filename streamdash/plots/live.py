@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import functools
 import io
-from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+import threading
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any, Literal, NamedTuple
 
 import holoviews as hv
 import numpy as np
+from cachetools import LRUCache
 from numpy.typing import ArrayLike
 
+from streamdash.plots.copies import Template, Unknown, signature
 from streamdash.plots.style import INK
 
 Backend = Literal["bokeh", "matplotlib"]
@@ -20,6 +23,10 @@ Columns = Mapping[str, Mapping[str, np.ndarray]]
 
 DOTS_PER_INCH = 180
 """Resolution of PNG files."""
+
+
+DRAWN = 96
+"""Figures whose templates are kept; with their arrays up to a megabyte each."""
 
 
 @functools.cache
@@ -36,6 +43,61 @@ def use(backend: Backend) -> Any:
 
 TOOLS = {"default_tools": ["pan", "box_zoom", "wheel_zoom", "reset"], "active_tools": [], "toolbar": "above"}
 """HoloViews options of an overlay for the browser: nothing grabs a page that is being scrolled."""
+
+
+class _Part(NamedTuple):
+    """What of an element's models is needed later."""
+
+    label: str
+    source: Any
+    glyph: Any
+
+
+class _Drawn(NamedTuple):
+    """A figure to be made again: its template, and of every element the label and its models' ids."""
+
+    template: Template
+    root: str
+    parts: tuple[_Part, ...]
+
+
+_drawn: LRUCache[Hashable, _Drawn | None] = LRUCache(DRAWN)
+"""Figures by what they depend on; None for those that were asked for once."""
+_drawing = threading.Lock()
+
+
+def _models(overlay: hv.Element | hv.Overlay) -> tuple[Any, tuple[_Part, ...]]:
+    """Bokeh's figure of an overlay, and its parts: drawn by HoloViews, or made again if it was twice."""
+    renderer = use("bokeh")
+    try:
+        key = signature(overlay)
+    except Unknown:
+        return _draw(renderer, overlay)
+    with _drawing:
+        known = _drawn.get(key)
+        again = key in _drawn
+        _drawn[key] = known
+    if known is not None:
+        made = known.template.make()
+        parts = tuple(_Part(p.label, made[p.source], made.get(p.glyph)) for p in known.parts)
+        return made[known.root], parts
+    figure, parts = _draw(renderer, overlay)
+    if again:
+        ids = tuple(_Part(p.label, p.source.id, getattr(p.glyph, "id", None)) for p in parts)
+        with _drawing:
+            _drawn[key] = _Drawn(Template(figure), figure.id, ids)
+    return figure, parts
+
+
+def _draw(renderer: Any, overlay: hv.Element | hv.Overlay) -> tuple[Any, tuple[_Part, ...]]:
+    plot = renderer.get_plot(overlay)
+    subplots = list(plot.subplots.values()) if getattr(plot, "subplots", None) else [plot]
+    # Nothing grabs a page that is being scrolled until somebody asks for it.
+    plot.state.toolbar.update(logo=None, active_drag=None, active_scroll=None)
+    parts = tuple(
+        _Part(part.hmap.last.label, part.handles["source"], part.handles.get("glyph")) for part in subplots
+    )
+    return plot.state, parts
 
 
 class LiveFigure:
@@ -57,18 +119,9 @@ class LiveFigure:
     """
 
     def __init__(self, overlay: hv.Element | hv.Overlay, ink: Sequence[str] = ()) -> None:
-        plot = use("bokeh").get_plot(overlay)
-        parts = list(plot.subplots.values()) if getattr(plot, "subplots", None) else [plot]
-        self.figure = plot.state
-        # Nothing grabs a page that is being scrolled until somebody asks for it.
-        self.figure.toolbar.update(logo=None, active_drag=None, active_scroll=None)
-        self.sources: dict[str, Any] = {}
-        self._inked = []
-        for part in parts:
-            label = part.hmap.last.label
-            self.sources[label] = part.handles["source"]
-            if label in ink:
-                self._inked.append(part.handles["glyph"])
+        self.figure, parts = _models(overlay)
+        self.sources: dict[str, Any] = {part.label: part.source for part in parts}
+        self._inked = [part.glyph for part in parts if part.label in ink]
 
     def patch(self, columns: Columns) -> None:
         """Write new arrays; columns that are not named keep their data.
