@@ -61,7 +61,11 @@ def _frozen(value: Any) -> Hashable:
     if isinstance(value, pd.DataFrame):
         return "frame", tuple((str(name), _frozen(value[name].to_numpy())) for name in value.columns)
     if isinstance(value, hv.Dimension):
-        return "dimension", _frozen({k: v for k, v in value.param.values().items() if k != "name"}), value.name
+        return (
+            "dimension",
+            _frozen({k: v for k, v in value.param.values().items() if k != "name"}),
+            value.name,
+        )
     if isinstance(value, hv.core.boundingregion.BoundingBox):
         return "box", value.lbrt()
     if isinstance(value, hv.Cycle | hv.dim):
