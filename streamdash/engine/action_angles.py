@@ -22,7 +22,8 @@ from typing import Any
 import numpy as np
 from galpy.actionAngle import actionAngleIsochroneApprox
 from galpy.orbit import Orbit
-from numba import njit
+
+from streamdash.compiled import njit
 
 INTEGRATOR = "dop853_c"
 """A quarter of the time of galpy's default here."""

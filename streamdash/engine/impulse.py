@@ -14,8 +14,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from streamdash.compiled import njit
 from streamdash.engine.galpy_streams import GRAVITY, R0_KPC, V0_KMS
 
 

@@ -10,8 +10,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from streamdash.compiled import njit
 from streamdash.config import Accuracy
 from streamdash.engine.galpy_streams import R0_KPC, V0_KMS
 from streamdash.engine.geometry import TABLE_STEP, Geometry

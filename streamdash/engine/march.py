@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from streamdash.compiled import njit
 from streamdash.engine.kicks import PAD
 
 REACH = 4.7

@@ -6,15 +6,17 @@ import functools
 import io
 import threading
 from collections.abc import Hashable, Mapping, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import holoviews as hv
 import numpy as np
 from cachetools import LRUCache
 from numpy.typing import ArrayLike
 
-from streamdash.plots.copies import Template, Unknown, signature
 from streamdash.plots.style import INK
+
+if TYPE_CHECKING:
+    from streamdash.plots.copies import Template
 
 Backend = Literal["bokeh", "matplotlib"]
 Columns = Mapping[str, Mapping[str, np.ndarray]]
@@ -68,6 +70,8 @@ _drawing = threading.Lock()
 
 def _models(overlay: hv.Element | hv.Overlay) -> tuple[Any, tuple[_Part, ...]]:
     """Bokeh's figure of an overlay, and its parts: drawn by HoloViews, or made again if it was twice."""
+    from streamdash.plots.copies import Template, Unknown, signature  # Bokeh, which files do not need
+
     renderer = use("bokeh")
     try:
         key = signature(overlay)

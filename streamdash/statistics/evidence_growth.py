@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from streamdash.compiled import njit
 from streamdash.statistics.evidence import Evidence
 from streamdash.statistics.overlap import Y_BINS, overlap_integrals, overlap_sum
 from streamdash.statistics.pdf import Pdfs

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
+
+from streamdash.compiled import njit
 
 Y_BINS = tuple(range(10, 501, 10))
 """Numbers of bins in y that are marginalised over: 10, 20, …, 500 (paper: "10–500")."""

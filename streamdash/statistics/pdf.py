@@ -17,7 +17,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
+
+from streamdash.compiled import njit
 
 QUANTILES = (0.16, 0.5, 0.84)
 """Lower edge, middle and upper edge of a band: 68 % of the streams around the median."""

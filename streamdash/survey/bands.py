@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import xarray as xr
 
+from streamdash.compiled import njit
 from streamdash.config import EnsembleConfig
 from streamdash.engine.galpy_streams import time_unit_gyr
 from streamdash.engine.geometry import Geometry
@@ -246,7 +246,7 @@ def _shades(n_streams: int) -> np.ndarray:
     return np.round(255 * np.minimum(filled, 1.0) ** 0.4).astype(np.uint8)
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _count(
     values: np.ndarray,
     draws: np.ndarray,

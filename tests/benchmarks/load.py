@@ -4,9 +4,9 @@
     python tests/benchmarks/load.py --sessions 60
     python tests/benchmarks/load.py --churn 200      # opened, moved and closed one after another
 
-The first prints the time from sending a move until the new arrays of the figures have arrived; the
-second the server's memory (resident) after 60 sessions and after all of them. No browser paints:
-clients and server share the machine.
+The first prints the time from sending a move until the new arrays of the figures have arrived, and how
+much memory each open session takes; the second the server's memory (resident) after 60 sessions and after
+all of them. No browser paints: clients and server share the machine.
 """
 
 from __future__ import annotations
@@ -22,11 +22,19 @@ from tests.browser.driving import ROOT, started
 
 THREE_CLASSES = "1e3-1e5,1e5-1e7,1e7-1e9"
 WARM = 60
+FIRST = 5
+"""Sessions after which the server has loaded what all share."""
 
 
-async def moving(address: str, query: str, sessions: int, seconds: float) -> tuple[np.ndarray, int]:
-    """Seconds of every move, and how many sessions were dropped."""
-    visitors = [await Visitor.open(address, query) for _ in range(sessions)]
+async def moving(
+    address: str, query: str, sessions: int, seconds: float, pid: int
+) -> tuple[np.ndarray, int, float]:
+    """Seconds of every move, how many sessions were dropped, and memory of each open session, MB."""
+    first = min(FIRST, sessions // 2)
+    visitors = [await Visitor.open(address, query) for _ in range(first)]
+    before = resident_mb(pid)
+    visitors += [await Visitor.open(address, query) for _ in range(sessions - first)]
+    each = (resident_mb(pid) - before) / (sessions - first)
     times: list[float] = []
     dropped = 0
 
@@ -45,7 +53,7 @@ async def moving(address: str, query: str, sessions: int, seconds: float) -> tup
     await asyncio.gather(*(live(visitor, i / sessions) for i, visitor in enumerate(visitors)))
     for visitor in visitors:
         visitor.close()
-    return np.array(times), dropped
+    return np.array(times), dropped, each
 
 
 async def churn(address: str, query: str, sessions: int, pid: int) -> dict[int, float]:
@@ -75,11 +83,14 @@ def main() -> None:
             memory = asyncio.run(churn(address, query, arguments.churn, process.pid))
             print(", ".join(f"after {n} sessions {mb:.0f} MB" for n, mb in memory.items()))
             return
-        times, dropped = asyncio.run(moving(address, query, arguments.sessions, arguments.seconds))
+        times, dropped, each = asyncio.run(
+            moving(address, query, arguments.sessions, arguments.seconds, process.pid)
+        )
     p50, p95 = 1e3 * np.percentile(times, [50, 95])
     print(
         f"{arguments.page}: {arguments.sessions} sessions, {len(times)} moves, p50 {p50:.0f} ms, "
-        f"p95 {p95:.0f} ms, worst {1e3 * times.max():.0f} ms, {dropped} dropped"
+        f"p95 {p95:.0f} ms, worst {1e3 * times.max():.0f} ms, {dropped} dropped; "
+        f"{each:.1f} MB of memory for each open session"
     )
 
 
