@@ -17,10 +17,14 @@ X = np.linspace(0.0, 1.0, 30)
 
 def drawn(level: float = 1.0, colour: str = "red", label: str = "line", **options) -> hv.Overlay:
     live.use("bokeh")
-    image = hv.Image(np.outer(X, X), bounds=(0, 0, 1, 1), label="image").opts(cmap="Greys", clim=(0, 1))
+    image = hv.Image(np.outer(X, X), bounds=(0, 0, 1, 1), label="image").opts(
+        cmap="Greys", clim=(0, 1), backend="bokeh"
+    )
     area = hv.Area((X, X - 0.1, X + 0.1), vdims=["low", "high"], label="band")
-    curve = hv.Curve((X, level * X), "angle", "density", label=label).opts(color=colour, tools=["hover"])
-    return (image * area * curve).opts(width=300, title="<b>one</b>", **options)
+    curve = hv.Curve((X, level * X), "angle", "density", label=label).opts(
+        color=colour, tools=["hover"], backend="bokeh"
+    )
+    return (image * area * curve).opts(width=300, title="<b>one</b>", backend="bokeh", **options)
 
 
 def properties(figure: Model) -> list[tuple]:
