@@ -223,10 +223,7 @@ class Pool:
         return None
 
     def _left_to_another(self, lane: _Lane, fit: list[Piece]) -> bool:
-        """Whether lanes that wait have a worker already, for all the pieces that this one could take.
-
-        A new worker imports for seconds what those have at hand.
-        """
+        """Whether lanes that wait have a worker already, for all the pieces that this one could take."""
         if lane.warm:
             return False
         ready = [other for other in self._idle if other is not lane and other.warm]
