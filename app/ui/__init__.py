@@ -2,6 +2,7 @@
 
 from app.ui.frame import page_frame
 from app.ui.layout import (
+    CARD,
     FIGURE_HEIGHT,
     WIDE,
     FigureCard,
@@ -46,6 +47,7 @@ from app.ui.widgets import (
 )
 
 __all__ = [
+    "CARD",
     "FIGURE_HEIGHT",
     "MENU_STYLE",
     "SCROLLS",

@@ -14,6 +14,7 @@ from panel.viewable import Viewable
 
 from app import ui
 from app.ui.browser import LiveText
+from app.ui.templates import fill
 from app.work.tasks import Compute, Task, Watch, Work
 from streamdash.plots.live import Backend, LiveFigure, export
 
@@ -57,6 +58,16 @@ class TaskControls:
             self.text.text = {"done": words, "failed": task.error}.get(task.state, "Cancelled.")
 
 
+def about(seconds: float) -> str:
+    """A time that is an estimate, in words."""
+    if seconds < 3:
+        return "a few seconds"
+    if seconds < 60:
+        return f"about {5 * max(1, round(seconds / 5))} s"
+    minutes = round(seconds / 60)
+    return "about a minute" if minutes == 1 else f"about {minutes} minutes"
+
+
 @dataclass(frozen=True)
 class Study:
     """What a `StudyCard` shows.
@@ -87,49 +98,149 @@ class Study:
     legend: Sequence[tuple[str, str]] = ()
     extra: Callable[[Any], Viewable] | None = None
     """Something more to show with the result."""
+    shipped: Callable[[], tuple[Any, str] | None] = lambda: None
+    """Returns the result that is shipped for the chosen classes, and what it is of where that is not
+    what is chosen now."""
+    seconds: Callable[[], float | None] = lambda: None
+    """About how long it takes on one processor, where that is known."""
+
+
+ROW = "border-bottom: 1px solid var(--mui-palette-divider, #80808060); padding: 4px 0 6px"
+
+
+def study_list(title: str, studies: Sequence[StudyCard], name: str) -> Viewable:
+    """Studies one below the other: what each answers, how long it takes, how far it is, what came out."""
+    return pn.Column(
+        ui.heading(title),
+        *(study.view for study in studies),
+        sizing_mode=ui.WIDE,
+        margin=(4, 0, 8, 0),
+        styles=ui.CARD,
+        css_classes=[f"sd-{name}"],
+    )
 
 
 class StudyCard:
-    """One study of a page, computed when its button is pressed."""
+    """One study of a page: a line of the list of studies, whose figure is opened when it is wanted.
+
+    What is shipped for the chosen classes, or known already, is said at once; anything else is computed
+    when the button is pressed.
+    """
 
     def __init__(self, study: Study, work: Work, n_classes: int) -> None:
         self.study, self.work, self.n_classes = study, work, n_classes
         self.result: Any = None
         self.watch = Watch(self._show)
         self.controls = TaskControls("Compute", self.start, self.watch.cancel, study.name)
+        self.controls.view.styles = {"flex": "0 1 420px"}
         self.figure = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.said = ui.plain_text("", margin=0, styles={"font-size": "14px"})
+        self.opener = ui.button(
+            "Show the figure",
+            self._toggle,
+            css_classes=[f"sd-{study.name}-open"],
+            margin=(4, 10),
+            disabled=True,
+        )
         self.card = ui.FigureCard(
             study.title,
-            pn.Column(
-                ui.plain_text(study.purpose, margin=(4, 0)),
-                self.controls.view,
-                self.figure,
-                sizing_mode=ui.WIDE,
-                margin=0,
-            ),
+            self.figure,
             name=study.name,
             image=lambda kind: export(study.draw(self._ready(), "matplotlib"), kind),
             table=lambda: study.table(self._ready()),
             code=study.code,
             legend=ui.legend(study.legend, n_classes) if study.legend else None,
         )
-        self.view = self.card.view
+        self.card.view.visible = False
+        words = ui.Html(
+            fill(
+                '<div style="font: 15px/1.45 Roboto, sans-serif"><b style="font-weight: 600">{{ title }}</b>'
+                "<br>{{ purpose }}</div>",
+                title=study.title,
+                purpose=study.purpose,
+            ),
+            margin=0,
+        )
+        row = pn.FlexBox(
+            pn.Column(words, self.said, sizing_mode=ui.WIDE, margin=0, styles={"flex": "1 1 340px"}),
+            self.controls.view,
+            self.opener,
+            gap="4px 16px",
+            align_items="center",
+            sizing_mode=ui.WIDE,
+            margin=0,
+        )
+        self.view = pn.Column(
+            row,
+            self.card.view,
+            sizing_mode=ui.WIDE,
+            margin=0,
+            stylesheets=[f":host {{ {ROW} }}"],
+            css_classes=["sd-study"],
+        )
 
     def start(self) -> None:
-        """Compute, or join those who wait for the same already."""
+        """Compute, or join those who wait for the same already; what comes out is shown whole."""
+        self.card.view.visible = True
         self.watch.follow(self.work.ask(*self.study.question()))
 
     def renew(self) -> None:
-        """After the choices changed: show what is known for them already, or nothing."""
+        """After the choices changed: show what is known for them already, what is shipped, or nothing."""
         self.watch.leave()
         self.result = None
+        self.figure.clear()
+        self.said.write("")
         self.card.say("")
+        self.controls.start.visible = True
+        self.controls.start.disabled = False
+        self.controls.cancel.visible = self.controls.bar.visible = False
+        self.opener.disabled = True
         task = self.work.find(self.study.question()[0])
+        shipped = self.study.shipped()
         if task is not None:
             self.watch.follow(task)
-        elif self.figure.objects:
-            self.figure.clear()
-            self.controls.text.text = "The choices have changed: compute it again."
+        elif shipped is not None:
+            result, other = shipped
+            self._present(result, other)
+            self.controls.start.visible = bool(other)
+            self.controls.text.text = (
+                self._lasts() if other else f"As shipped. {self._lasts('Anew, it takes')}"
+            )
+        else:
+            self.card.view.visible = False
+            self.controls.text.text = self._lasts()
+
+    def _toggle(self) -> None:
+        """Open the figure, or close it."""
+        self.card.view.visible = not self.card.view.visible
+        self._draw()
+
+    def _lasts(self, words: str = "Takes") -> str:
+        """How long it takes, as far as is known."""
+        seconds = self.study.seconds()
+        return "" if seconds is None else f"{words} {about(seconds)}."
+
+    def _present(self, result: Any, other: str = "") -> None:
+        """Show a result; ``other`` says of what it is, where that is not what is chosen."""
+        self.result = result
+        sentence = self.study.sentence(result)
+        sentence = f"{other} {sentence}" if other else sentence
+        self.card.say(sentence)
+        self.opener.disabled = False
+        self.figure.clear()
+        self._draw()
+        self.said.write("" if self.card.view.visible else sentence)
+
+    def _draw(self) -> None:
+        """Draw what is open and not drawn yet: most stay closed."""
+        self.opener.label = "Hide the figure" if self.card.view.visible else "Show the figure"
+        if self.result is None or not self.card.view.visible or self.figure.objects:
+            return
+        self.said.write("")
+        figure = LiveFigure(self.study.draw(self.result, "bokeh")).figure
+        self.figure[:] = [ui.figure_pane(figure)]
+        if self.study.extra is not None:
+            self.figure.append(self.study.extra(self.result))
 
     def close(self) -> None:
         """Look no more."""
@@ -139,12 +250,7 @@ class StudyCard:
         self.controls.show(task, "")
         if task.state != "done":
             return
-        self.result = task.result
-        figure = LiveFigure(self.study.draw(self.result, "bokeh")).figure
-        self.figure[:] = [ui.figure_pane(figure)]
-        if self.study.extra is not None:
-            self.figure.append(self.study.extra(self.result))
-        self.card.say(self.study.sentence(self.result))
+        self._present(task.result)
 
     def _ready(self) -> Any:
         if self.result is None:

@@ -95,14 +95,10 @@ def shipped_studies() -> Mapping[str, Any] | None:
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 
 
-def shipped_result(
-    name: str, keys: Sequence[str], noise: float, settings: ClassifierConfig = BEST
-) -> Any | None:
-    """The shipped result of a study, if it is of these ensembles, this noise and these settings."""
+def shipped_result(name: str, keys: Sequence[str]) -> Any | None:
+    """The shipped result of a study, if it is of these ensembles; at `NOISE`, with the best settings."""
     found = shipped_studies()
-    if found is None or name not in found["studies"]:
-        return None
-    if (found["keys"], found["noise"], found["settings"]) != (list(keys), noise, settings.key):
+    if found is None or name not in found["studies"] or found["keys"] != list(keys):
         return None
     return read_result(found["studies"][name]["result"])
 

@@ -179,6 +179,7 @@ def draw_calibration(judged: Judged, backend: Backend) -> hv.Overlay:
     parts = [
         line("honest", np.array([0, 1]), np.array([0, 1]), GREY, backend, dashed=True),
         error_bars("error", curve.confidence, low, high, class_colour(0), backend),
+        *_single(judged, backend),
         points("bins", curve.confidence, curve.accuracy, class_colour(0), backend),
     ]
     least = 1 / len(judged.scores.counts) - 0.03
@@ -191,6 +192,16 @@ def draw_calibration(judged: Judged, backend: Backend) -> hv.Overlay:
         backend,
     )
     return overlay.opts(**TOOLS, backend=backend) if backend == "bokeh" else overlay
+
+
+def _single(judged: Judged, backend: Backend) -> list[hv.Element]:
+    """The uncertain streams one by one where they are few: right ones above, wrong ones below."""
+    if not nearly_perfect(judged):
+        return []
+    sure = judged.probability.max(axis=1)
+    right = (judged.probability.argmax(axis=1) == judged.y).astype(float)
+    uncertain = sure < SURE
+    return [points("single", sure[uncertain], right[uncertain], GREY, backend, size=5)]
 
 
 def calibration_table(judged: Judged) -> pd.DataFrame:
@@ -209,10 +220,86 @@ def calibration_table(judged: Judged) -> pd.DataFrame:
 def calibration_sentence(judged: Judged) -> str:
     """The expected calibration error, in one sentence."""
     scores = judged.scores
+    single = ""
+    if nearly_perfect(judged):
+        uncertain = int((judged.probability.max(axis=1) < SURE).sum())
+        single = f" {uncertain} of {len(judged.y)} streams got less than 99 %: grey, each by itself."
     return (
         f"Expected calibration error {scores.values['ece']:.3f} ± {scores.errors['ece']:.3f}, "
         f"log loss {scores.values['log_loss']:.3f} ± {scores.errors['log_loss']:.3f}: "
         "points on the dashed line mean that a probability of 80 % is right 80 % of the time."
+        f"{single}"
+    )
+
+
+# ---------------------------------------------------------------- what is left to see of a near-perfect one
+
+FEW = 10
+"""Fewer wrong test streams than these, and a ROC curve is a corner."""
+SURE = 0.99
+"""Below it a stream is called uncertain."""
+LEAST_DOUBT = 1e-4
+
+
+def nearly_perfect(judged: Judged) -> bool:
+    """Whether so few test streams are wrong that their ROC curve shows nothing."""
+    return int((judged.probability.argmax(axis=1) != judged.y).sum()) < FEW
+
+
+def doubts(judged: Judged) -> np.ndarray:
+    """Probability that each test stream's true class was not given (n_test,)."""
+    return 1.0 - judged.probability[np.arange(len(judged.y)), judged.y]
+
+
+def draw_doubt(judged: Judged, backend: Backend) -> hv.Overlay:
+    """How many test streams of each class are doubted by at least so much; both axes are logarithmic."""
+    use(backend)
+    doubt, n_classes = doubts(judged), judged.probability.shape[1]
+    x = np.geomspace(LEAST_DOUBT, 1, 200)
+    guessing = 1 - 1 / n_classes
+    most = float(np.bincount(judged.y).max())
+    parts: list[hv.Element] = [
+        line("guessing", np.array([guessing] * 2), np.array([0.5, 2 * most]), GREY, backend, dashed=True)
+    ]
+    for c in range(n_classes):
+        count = (doubt[judged.y == c][:, None] >= x).sum(axis=0).astype(float)
+        parts.append(line(f"class {c}", x, np.where(count > 0, count, np.nan), class_colour(c), backend))
+    overlay = framed(
+        parts,
+        "Doubt: probability of the wrong classes",
+        "Test streams doubted by so much or more",
+        (LEAST_DOUBT, 1),
+        (0.5, 2 * most),
+        backend,
+        log=True,
+    )
+    return overlay.opts(**TOOLS, backend=backend) if backend == "bokeh" else overlay
+
+
+def doubt_table(judged: Judged) -> pd.DataFrame:
+    """The test streams that are doubted most, one row each."""
+    doubt = doubts(judged)
+    order = np.argsort(-doubt)[:100]
+    labels = judged.classifier.card.labels
+    predicted = judged.probability.argmax(axis=1)
+    return pd.DataFrame(
+        {
+            "row": judged.rows[order],
+            "true_class": [labels[c] for c in judged.y[order]],
+            "taken_for": [labels[c] for c in predicted[order]],
+            "doubt": doubt[order],
+        }
+    )
+
+
+def doubt_sentence(judged: Judged) -> str:
+    """What is left to see, in words."""
+    doubt = doubts(judged)
+    wrong = int((judged.probability.argmax(axis=1) != judged.y).sum())
+    some, more = (int((doubt >= least).sum()) for least in (0.01, 0.1))
+    return (
+        f"{wrong} of {len(doubt)} test streams are wrong: a ROC curve would be a corner. Instead, how many "
+        f"are doubted: {some} by 1 % or more, {more} by 10 % or more."
     )
 
 

@@ -15,6 +15,7 @@ from app.work.tasks import Task, Watch, Work
 from app.work.training import settings_of
 from streamdash.classifier.data import Cancelled
 from streamdash.classifier.model import BEST, PAPER
+from streamdash.plots import classifier
 from streamdash.plots.classifier import SHOWN_STREAMS
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -114,13 +115,49 @@ def test_every_card_downloads(open_shell, kind):
         assert data.startswith(starts[kind]) and len(data) > 50
 
 
+def test_studies_are_shipped_for_what_is_shown_first(open_shell):
+    """A sentence each, at once; the figure when it is opened; what is not of the choice says so."""
+    shell = open_shell("?page=classifier&mass=1e3-1e5,1e5-1e9")
+    page = shell.page
+    assert page.studies and all(study.result is not None for study in page.studies)
+    study = page.studies[0]
+    assert "Most is lost" in study.said.object and not study.controls.start.visible
+    assert not study.figure.objects and not study.card.view.visible  # drawn when it is opened
+    study._toggle()
+    assert study.figure.objects and study.card.view.visible
+    assert study.card.files["csv"]().startswith(b"ell_low_deg")
+    shell.session.noise = 0.3
+    curve, wrong = (
+        next(s for s in page.studies if s.study.name == n) for n in ("noise-curve", "wrong-noise")
+    )
+    assert "As shipped, for the best settings at σ_ε = 0.1" in study.card._sentence.text
+    assert study.controls.start.visible and "Takes" in study.controls.text.text
+    assert "As shipped, for" not in curve.said.object  # one curve runs over all noises
+    assert wrong.result is None and "Takes" in wrong.controls.text.text
+
+
+def test_a_corner_of_a_roc_curve_gives_way_to_the_doubt_that_is_left(open_shell):
+    page = open_shell(TWO).page
+    settle(page)
+    wrong = 1000 - int(np.trace(page.judged.scores.counts))
+    assert (
+        wrong < classifier.FEW and f"{wrong} of 1000 test streams are wrong" in page.roc_card._sentence.text
+    )
+    table = classifier.doubt_table(page.judged)
+    assert (table.doubt.diff().dropna() <= 0).all()
+    assert ((table.doubt > 0.5) == (table.true_class != table.taken_for)).all()
+    assert page._roc_drawer() == "draw_doubt" and "draw_doubt" in page.roc_card._code()
+
+
 def test_importance_is_computed_on_demand_and_shared(open_shell):
     page, other = open_shell(TWO).page, open_shell(TWO).page
     settle(page)
     study = page.studies[0]
-    assert study.result is None
+    shipped = study.result
+    assert "As shipped, for the best settings" in study.said.object  # these are the paper's
     study.start()
     settle(page)
+    assert study.result is not shipped and "As shipped" not in study.card._sentence.text
     assert study.result.log_loss.max() > 0 and "Most is lost" in study.card._sentence.text
     settle(other)
     other.studies[0].start()

@@ -103,7 +103,9 @@ def test_training_at_another_noise_and_a_study_by_keyboard(tab):
     page.locator(".sd-train-start button").focus()
     page.keyboard.press("Enter")
     expect(status).to_contain_text("σ_ε = 0.13")
-    expect(page.locator(".sd-card-importance .sd-export button")).to_be_disabled()  # nothing yet
+    # Of the paper's settings nothing is shipped: what is said at once says of what it is.
+    expect(page.locator(".sd-studies")).to_contain_text("As shipped, for the best settings")
+    expect(page.locator(".sd-importance-status .sd-live")).to_contain_text("Takes")
     # The longest study of all is the one that is cancelled: others may end before the click.
     start, cancel = (page.locator(f".sd-tuning-{name} button") for name in ("start", "cancel"))
     start.click()
@@ -112,6 +114,7 @@ def test_training_at_another_noise_and_a_study_by_keyboard(tab):
     expect(page.locator(".sd-tuning-status .sd-live")).to_contain_text("Cancelled")
     expect(start).to_be_enabled()
     page.locator(".sd-importance-start button").click()
+    expect(sentence(page, "importance")).not_to_contain_text("As shipped")
     expect(sentence(page, "importance")).to_contain_text("Most is lost without")
     open_export(page, ".sd-card-importance")
     with page.expect_download() as download:

@@ -16,7 +16,7 @@ from app.pages.classifier.parts import STYLE, scores_html, studies_of
 from app.services.services import Unavailable
 from app.session.catalog import of_paper
 from app.ui.browser import LiveText
-from app.ui.study import StudyCard, TaskControls
+from app.ui.study import StudyCard, TaskControls, study_list
 from app.work.tasks import Task, Watch
 from app.work.training import choices_of, code_head, free_task, streams_of, training
 from streamdash.classifier.model import PRESETS
@@ -26,6 +26,11 @@ from streamdash.plots import classifier
 from streamdash.plots.answers import classifier_answer
 from streamdash.plots.live import LiveFigure, export
 
+LEGEND_CALIBRATION = (
+    ("dots", "test streams, binned; bars: 68 %"),
+    ("dots-grey", "single ones, if few are uncertain"),
+    ("dashes", "honest"),
+)
 LEGEND_STREAMS = (("line", "without noise, in class colour"), ("grey", "as observed, with noise"))
 
 
@@ -63,7 +68,7 @@ class ClassifierPage(Page):
             self.card.view,
             self.streams_card.view,
             ui.figure_grid([self.roc_card.view, self.calibration_card.view], narrowest=420),
-            *(study.view for study in self.studies),
+            study_list("Studies of the classifier", self.studies, "studies"),
             sizing_mode=ui.WIDE,
             margin=0,
             visible=False,
@@ -179,12 +184,12 @@ class ClassifierPage(Page):
             legend=ui.legend(LEGEND_STREAMS, n_classes),
         )
         self.roc_card = ui.FigureCard(
-            "ROC: each class against the rest",
+            "Each class against the rest: ROC, or the doubt that is left",
             self.roc,
             name="roc",
-            image=lambda kind: export(classifier.draw_roc(self._ready(), "matplotlib"), kind),
-            table=lambda: classifier.roc_table(self._ready()),
-            code=lambda: self._code("draw_roc(judged, 'matplotlib')", "draw_roc", "roc"),
+            image=lambda kind: export(self._draw_roc("matplotlib"), kind),
+            table=self._roc_table,
+            code=lambda: self._code(f"{self._roc_drawer()}(judged, 'matplotlib')", self._roc_drawer(), "roc"),
             legend=ui.legend((("line", "class colour"), ("dashes", "guessing")), n_classes),
         )
         self.calibration_card = ui.FigureCard(
@@ -196,7 +201,7 @@ class ClassifierPage(Page):
             code=lambda: self._code(
                 "draw_calibration(judged, 'matplotlib')", "draw_calibration", "calibration"
             ),
-            legend=ui.legend((("dots", "test streams, binned; bars: 68 %"), ("dashes", "honest")), 1),
+            legend=ui.legend(LEGEND_CALIBRATION, 1),
         )
 
     # ------------------------------------------------------------ showing
@@ -210,11 +215,13 @@ class ClassifierPage(Page):
         self._draw_matrix()
         self._draw_streams()
         self.scores.write(scores_html(task.result, of_paper(self.session.configs)))
-        for slot, draw in ((self.roc, classifier.draw_roc), (self.calibration, classifier.draw_calibration)):
-            slot[:] = [_pane(draw(task.result, "bokeh"))]
+        self.roc[:] = [_pane(self._draw_roc("bokeh"))]
+        self.calibration[:] = [_pane(classifier.draw_calibration(task.result, "bokeh"))]
         self.opening.say(classifier_answer(task.result))
         self.card.say(classifier.matrix_sentence(task.result))
-        self.roc_card.say(classifier.roc_sentence(task.result))
+        corner = classifier.nearly_perfect(task.result)
+        of_doubt = f" {classifier.doubt_sentence(task.result)}" if corner else ""
+        self.roc_card.say(f"{classifier.roc_sentence(task.result)}{of_doubt}")
         self.calibration_card.say(classifier.calibration_sentence(task.result))
         self.free_watch.follow(self.services.work.ask(*free_task(self.services, self.session, task.result)))
 
@@ -225,6 +232,18 @@ class ClassifierPage(Page):
             self.abundance.text = unknown if task.result is None else task.result.sentence
         else:
             self.abundance.text = "Learning what changes if the abundance is free …" if task.active else ""
+
+    def _roc_drawer(self) -> str:
+        """Name of what draws errors: the ROC curve, unless that is a corner."""
+        return "draw_doubt" if classifier.nearly_perfect(self._ready()) else "draw_roc"
+
+    def _draw_roc(self, backend: Any) -> Any:
+        return getattr(classifier, self._roc_drawer())(self._ready(), backend)
+
+    def _roc_table(self) -> Any:
+        judged = self._ready()
+        corner = classifier.nearly_perfect(judged)
+        return classifier.doubt_table(judged) if corner else classifier.roc_table(judged)
 
     def _draw_matrix(self) -> None:
         dark = self.session.theme == "dark"

@@ -25,6 +25,7 @@ from streamdash.classifier.studies import (
     wrong_noise_curve,
 )
 from streamdash.classifier.train import Judged
+from streamdash.paper.studies import estimated_seconds, shipped_result, shipped_studies
 from streamdash.plots import classifier_studies as plots
 from streamdash.plots.classifier import METRICS, class_names
 from streamdash.plots.style import noise_label
@@ -120,6 +121,15 @@ def studies_of(services: Services, session: Session) -> list[Study]:
 
         return listing
 
+    n_streams = len(streams.y)
+
+    def of(name: str) -> dict[str, Any]:
+        """What a study has that is shipped: its result, and how long it took."""
+        return {
+            "shipped": partial(shipped_for, session, name),
+            "seconds": partial(estimated_seconds, name, n_streams),
+        }
+
     size, noise = plots.SIZE_LABEL, noise_label(streams.configs[0].stream)
     true_noise = f"True {noise[0].lower()}{noise[1:]}"
     return [
@@ -137,6 +147,7 @@ def studies_of(services: Services, session: Session) -> list[Study]:
                 "draw_importance(found, 'matplotlib')",
                 "importance",
             ),
+            **of("importance"),
         ),
         Study(
             "noise-curve",
@@ -153,6 +164,7 @@ def studies_of(services: Services, session: Session) -> list[Study]:
                 "noise-curve",
             ),
             CURVE_LEGEND,
+            **of("noise-curve"),
         ),
         Study(
             "wrong-noise",
@@ -169,6 +181,7 @@ def studies_of(services: Services, session: Session) -> list[Study]:
                 "wrong-noise",
             ),
             CURVE_LEGEND,
+            **of("wrong-noise"),
         ),
         Study(
             "learning-curve",
@@ -185,6 +198,7 @@ def studies_of(services: Services, session: Session) -> list[Study]:
                 "learning-curve",
             ),
             CURVE_LEGEND,
+            **of("learning-curve"),
         ),
         Study(
             "comparison",
@@ -202,6 +216,7 @@ def studies_of(services: Services, session: Session) -> list[Study]:
             ),
             (("dots", "recall per class"), ("grey", "accuracy, large dot")),
             lambda rows: ui.Html(comparison_html(rows, labels), stylesheets=[STYLE]),
+            **of("comparison"),
         ),
         Study(
             "tuning",
@@ -221,8 +236,26 @@ def studies_of(services: Services, session: Session) -> list[Study]:
             lambda grid: ui.button(
                 "Use these", lambda: use_grid(session, grid), css_classes=["sd-use-tuning"]
             ),
+            **of("tuning"),
         ),
     ]
+
+
+def shipped_for(session: Session, name: str) -> tuple[Any, str] | None:
+    """The shipped result of a study of the chosen classes, and of what it is, if not of what is chosen."""
+    result = shipped_result(name, [choice.key for choice in session.ensembles])
+    if result is None:
+        return None
+    found = shipped_studies()
+    assert found is not None
+    settings = settings_of(session)
+    # One curve runs over all noises, whichever is chosen.
+    same_noise = name == "noise-curve" or session.noise == found["noise"]
+    if name == "wrong-noise" and not same_noise:
+        return None  # what it says is of the noise that was chosen
+    if same_noise and settings.key == found["settings"]:
+        return result, ""
+    return result, f"As shipped, for the best settings at σ_ε = {found['noise']:g}:"
 
 
 def use_grid(session: Session, grid: Any) -> None:

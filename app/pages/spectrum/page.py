@@ -15,7 +15,7 @@ from app.services.services import Services
 from app.session.catalog import Choice
 from app.session.listing import code_head, ensembles_code
 from app.session.session import Session
-from app.ui.study import StudyCard
+from app.ui.study import StudyCard, study_list
 from app.work import pieces
 from app.work.later import Later
 from streamdash.classifier.data import ClassifierError
@@ -85,7 +85,11 @@ class SpectrumPage(Page):
         return ui.page_layout(
             ui.controls(*classes),
             *figures,
-            *([self.statistics.view] if self.statistics else []),
+            *(
+                [study_list("Beside other statistics", [self.statistics], "studies")]
+                if self.statistics
+                else []
+            ),
             opening=self.opening,
             panel=panel,
         )
