@@ -7,7 +7,7 @@ need to be observed in the same way (`streamdash.survey.design.Design`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,6 +62,9 @@ class Observation:
         Bins within it that have no value.
     n_near : int
         Bins with a part nearer to the progenitor than `NEAR_PROGENITOR`.
+    value, error : ndarray (n_bin,)
+        The measured values before any division, and their errors; no error where it is relative to the
+        smooth curve.
     """
 
     assumptions: Assumptions
@@ -73,6 +76,8 @@ class Observation:
     n_outside: int
     n_missing: int
     n_near: int = 0
+    value: np.ndarray | None = None
+    error: np.ndarray | None = None
 
     @property
     def stated(self) -> tuple[str, ...]:
@@ -157,7 +162,34 @@ def interpret(table: Table, assumptions: Assumptions, geometry: Geometry) -> Obs
     ends = [to_theta(geometry, end, design.coordinate) for end in (design.low, design.high)]
     n_near = int(np.count_nonzero(np.min(ends, axis=0) < NEAR_PROGENITOR))
     counts = (len(present), n_outside, n_missing, n_near)
-    return Observation(assumptions, a, design, q, tuple(notes), *counts)
+    return Observation(assumptions, a, design, q, tuple(notes), *counts, relative, error)
+
+
+def cut(observation: Observation, bins: slice) -> Observation:
+    """Some of the bins as if no others had been measured: divided by a polynomial of their own.
+
+    Raises
+    ------
+    ObservationError
+        In one sentence, when they are too few or cannot be divided.
+    """
+    low, high = observation.design.low[bins], observation.design.high[bins]
+    if observation.value is None or len(low) < MIN_BINS:
+        raise ObservationError(f"Half of the stretch has {len(low)} bins; at least {MIN_BINS} are needed.")
+    error = None if observation.error is None else observation.error[bins]
+    notes = list(observation.notes)
+    used = observation.used.model_copy(update={"order": observation.assumptions.order})
+    design, q = _design(used, low, high, observation.value[bins], error, notes)
+    used = observation.used.model_copy(update={"order": design.order})
+    return replace(
+        observation,
+        used=used,
+        design=design,
+        q=q,
+        notes=tuple(notes),
+        value=observation.value[bins],
+        error=error,
+    )
 
 
 def _ask(table: Table, a: Assumptions, *fields: str) -> None:

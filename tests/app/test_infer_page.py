@@ -18,6 +18,7 @@ from streamdash.inference.held_out import load_streams
 from streamdash.inference.words import sentences
 from streamdash.plots import corner, infer
 from streamdash.store.cache import Cache
+from streamdash.survey.design import divided
 from streamdash.survey.mock import EXAMPLE
 
 LINK = "?page=infer"
@@ -188,6 +189,34 @@ def test_a_cut_window_asks_for_an_estimator_of_its_own(page):
     assert page.found is not None and not page.controls.training.view.visible
 
 
+def test_at_a_known_age_the_ranks_are_of_streams_of_that_age(page):
+    page.session.infer_age = "5"
+    five = (page.base.streams.truth.age_gyr == 5).sum()
+    assert page.cards.calibrated.scores["log10_rate"].n == five == len(page.cards.calibrated.ranks)
+    assert f"Of {five} streams of 5 Gyr" in page.cards.rank_card._sentence.text
+    page.session.infer_age = "open"
+    assert page.cards.calibrated.scores["log10_rate"].n == page.base.streams.n_streams
+
+
+def test_half_of_a_file_is_asked_about_as_if_no_more_had_been_measured(page):
+    upload(page, EXAMPLE.read_bytes())
+    whole = page.reading.observation
+    assert page.controls.window.visible
+    page.session.infer_window = "second"
+    design = page._design()
+    np.testing.assert_allclose(design.low, whole.design.low[17:])
+    half = page.halves["second"]
+    # It is divided by a polynomial of its own, and so are its errors.
+    again = half.value / divided(half.value[None], design.fit)[0] if design.fit is not None else 1.0
+    np.testing.assert_allclose(half.q * again, half.value, rtol=1e-6)
+    assert not np.allclose(half.q, whole.q[17:])
+    assert page.controls.training.view.visible and "18 bins" in page.controls.training.text.text
+    few = b"\n".join(EXAMPLE.read_bytes().splitlines()[:14])
+    upload(page, few)
+    assert page.reading.observation.design.n_bin == 13 and not page.halves
+    assert not page.controls.window.visible and page.window == "whole"
+
+
 def test_held_out_streams_are_none_that_it_has_learnt_from():
     estimator, streams = load_estimator("gd1-like"), load_streams("gd1-like")
     assert list(streams.truth) == list(estimator.grid)
@@ -224,6 +253,16 @@ def test_an_estimator_is_trained_in_the_background_and_then_answers(
     assert page.found.oracle.shipped
     page.session.infer_data = "upload"
     assert page.found.oracle is found.oracle, "the same bins are not learnt again"
+    assert page.cutting.view.visible and [name for name, _ in page.cards.rows] == ["as asked"]
+    page.cut()
+    settle(page)
+    for window, name in (("first", "first half alone"), ("second", "second half alone")):
+        oracle, half = page._halves()[window], page.halves[window]
+        assert oracle.estimator.design.key == half.design.key
+        expected = oracle.estimator.posteriors(half.q[None].astype("float32"))[0]
+        np.testing.assert_allclose(dict(page.cards.rows)[name].p, expected.p)
+    page.session.infer_window = "first"
+    assert page.found.oracle is page._halves()["first"]
 
 
 def test_halves_of_the_stretch_say_less_than_the_whole(open_shell, tmp_path, monkeypatch):

@@ -25,7 +25,8 @@ from streamdash.inference.predictive import stream_weights, weighted_bands
 from streamdash.inference.prior_ensemble import clean_streams, default_design
 from streamdash.inference.shipped_streams import are_shipped
 from streamdash.observe.infer import N_STREAMS, learnt
-from streamdash.observe.observation import Observation
+from streamdash.observe.observation import Observation, cut
+from streamdash.observe.table import ObservationError
 from streamdash.prior import PRIORS
 from streamdash.streams import stream_of
 from streamdash.survey.design import Design
@@ -201,6 +202,15 @@ def halvable(design: Design) -> bool:
     return design.n_bin // 2 > design.order + 2
 
 
+def halved(observation: Observation) -> dict[str, Observation]:
+    """Either half of a measured profile; nothing where one of them says too little by itself."""
+    n_bin = observation.design.n_bin
+    try:
+        return {window: cut(observation, part_of(n_bin, window)) for window in ("first", "second")}
+    except ObservationError:
+        return {}
+
+
 def part_of(n_bin: int, window: str) -> slice:
     """Bins of a window."""
     half = n_bin // 2
@@ -340,23 +350,32 @@ class Calibration:
     pairs: dict[tuple[str, str], PairScore]
     ranks: np.ndarray
     name: str
+    age: float | None = None
+    """The age of the streams, where it was taken as known."""
 
 
-def calibration(services: Services, oracle: Oracle, factor: float) -> Calibration:
-    """How well the oracle's posteriors do on the streams it has not learnt from, at these errors."""
+def calibration(services: Services, oracle: Oracle, factor: float, age: float | None = None) -> Calibration:
+    """How well the oracle's posteriors do on the streams it has not learnt from, at these errors.
+
+    Where an age is taken as known that it could infer, on the streams of that age.
+    """
     estimator = oracle.estimator
+    fixed = age if AGE in estimator.grid else None
 
     def compute() -> Calibration:
         p = estimator.posterior(oracle.streams.observed(estimator, factor), factor)
-        name = next(name for name in estimator.names if name != AGE)
-        truth = oracle.streams.truth
-        marginal = marginals(p, estimator.grid, name)
-        rank = ranks(marginal, np.asarray(estimator.grid[name]), truth[name].to_numpy())
-        found = scores(p, estimator.grid, truth)
-        pairs = pair_scores(p, estimator.grid, truth, without=(AGE,))
-        return Calibration({n: score for n, score in found.items() if n != AGE}, pairs, rank, name)
+        truth, grid = oracle.streams.truth, dict(estimator.grid)
+        if fixed is not None:
+            there = (truth[AGE] == fixed).to_numpy()
+            posteriors = [Posterior(grid, one).at(AGE, fixed) for one in p[there]]
+            p, truth, grid = np.array([one.p for one in posteriors]), truth[there], dict(posteriors[0].grid)
+        name = next(name for name in grid if name != AGE)
+        rank = ranks(marginals(p, grid, name), np.asarray(grid[name]), truth[name].to_numpy())
+        found = scores(p, grid, truth)
+        pairs = pair_scores(p, grid, truth, without=(AGE,))
+        return Calibration({n: score for n, score in found.items() if n != AGE}, pairs, rank, name, fixed)
 
-    return services.shared(("infer-calibration", *oracle.key, factor), compute)
+    return services.shared(("infer-calibration", *oracle.key, factor, fixed), compute)
 
 
 def words_of(part: slice) -> str:

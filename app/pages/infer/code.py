@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from app.pages.infer.answers import Answer, Oracle, cell_ends, part_of
+from app.pages.infer.answers import Answer, Oracle, cell_ends
 from streamdash.config import StreamModel
 from streamdash.inference.cells import AGE
 from streamdash.streams import stream_of
@@ -21,7 +21,7 @@ from streamdash.inference.prior_ensemble import clean_streams, default_design
 from streamdash.inference.words import sentences
 from streamdash.observe.guess import Assumptions
 from streamdash.observe.infer import learnt
-from streamdash.observe.observation import interpret
+from streamdash.observe.observation import cut, interpret
 from streamdash.observe.table import read_table
 from streamdash.plots.corner import layout
 from streamdash.plots.live import export
@@ -44,7 +44,7 @@ class Asked:
     model: StreamModel
     prior: str
     source: str
-    window: str
+    part: slice
     assumptions: str
     example: bool
 
@@ -63,8 +63,10 @@ def head(asked: Asked) -> str:
             f"assumptions = Assumptions.parse({asked.assumptions!r})",
             "table = read_table(file.read_bytes())",
             "observation = interpret(table, assumptions, load_geometry(model, cache))",
-            "design, q = observation.design, observation.q",
         ]
+        if asked.part != slice(None):
+            lines.append(f"observation = cut(observation, slice({asked.part.start}, {asked.part.stop}))")
+        lines.append("design, q = observation.design, observation.q")
     elif asked.mocks is not None:
         stem = asked.stem(asked.mocks.told)
         lines.append(f"whole, mocks = load_estimator({stem}).design, load_streams({stem})")
@@ -75,10 +77,7 @@ def head(asked: Asked) -> str:
         lines.append(f"estimator, streams = load_estimator({stem}), load_streams({stem})")
     else:
         if asked.source != "upload":
-            part = part_of(asked.found.oracle.estimator.design.n_bin, "whole")
-            if asked.mocks is not None:
-                part = part_of(asked.mocks.estimator.design.n_bin, asked.window)
-            lines.append(f"design = whole.part(slice({part.start}, {part.stop}))")
+            lines.append(f"design = whole.part(slice({asked.part.start}, {asked.part.stop}))")
         lines.append(f'estimator, streams = learnt(PRIORS["{asked.prior}"], model, design, cache)')
         if asked.mocks is None:
             lines.append("mocks = streams")
@@ -150,11 +149,20 @@ def calibration_code(asked: Asked) -> str:
     """Ranks and coverage on the held-out streams."""
     found = asked.found
     factor = _factor(found)
-    return head(asked) + (
-        "from streamdash.inference.diagnostics import scores\n\n"
-        f"p = estimator.posterior(streams.observed(estimator{factor}){factor})\n"
-        "print(scores(p, estimator.grid, streams.truth))\n"
-    )
+    lines = [
+        "from streamdash.inference.diagnostics import scores",
+        "from streamdash.inference.posterior import Posterior",
+        "",
+        f"p = estimator.posterior(streams.observed(estimator{factor}){factor})",
+        "grid, truth = estimator.grid, streams.truth",
+    ]
+    if _fixed(found):
+        lines += [
+            f"there = (truth.age_gyr == {found.age:g}).to_numpy()",
+            f'known = [Posterior(grid, one).at("age_gyr", {found.age:g}) for one in p[there]]',
+            "p, grid, truth = np.array([one.p for one in known]), known[0].grid, truth[there]",
+        ]
+    return head(asked) + "\n".join([*lines, "print(scores(p, grid, truth))"]) + "\n"
 
 
 JOIN_CODE = """\

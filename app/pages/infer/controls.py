@@ -7,13 +7,12 @@ from typing import Any
 
 from app import ui
 from app.page import Page
-from app.pages.infer.answers import Oracle, halvable
+from app.pages.infer.answers import Oracle
 from app.pages.observe.parts import AssumptionControls
 from app.session.session import Session
 from app.ui.browser import LiveText
 from app.ui.study import TaskControls
 from app.ui.upload import FileDrop
-from streamdash.survey.design import Design
 
 KEPT_WORDS = (
     "The file stays in this session’s memory; of what is trained for it, the bins and errors are kept, "
@@ -88,16 +87,16 @@ class Controls:
         ]
         self.view = ui.side_panel(key, more)
 
-    def arrange(self, base: Oracle | None, usual: Design) -> None:
+    def arrange(self, base: Oracle | None, halvable: bool, window: str) -> None:
         """Show those that mean something for the data that are chosen, and for who answers."""
         data = self.session.infer_data
         own = data == "upload"
         for part in (self.drop, self.about_files, self.example, self.status, self.assumptions.view):
             part.visible = own
         self.number.visible = not own
-        self.window.visible = not own and halvable(usual)
+        self.window.visible = halvable
         self.ensembles.visible = data == "simulated"
-        told = base is not None and base.told and not own and self.session.infer_window == "whole"
+        told = base is not None and base.told and not own and window == "whole"
         self.errors.visible = self.ages.visible = told
         options = _age_options(base)
         if self.age_buttons.options != options:

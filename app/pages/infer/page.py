@@ -25,6 +25,7 @@ from app.work.later import Later
 from app.work.tasks import Task, Watch
 from streamdash.config import StreamModel
 from streamdash.inference.methods import shipped_methods
+from streamdash.observe.observation import Observation
 from streamdash.streams import stream_of, stream_text
 from streamdash.survey.design import Design
 
@@ -48,7 +49,7 @@ class InferPage(Page):
     uses = FILE | {"theme", *(f"infer_{name}" for name in CHOICES)}
 
     def view(self) -> Viewable:
-        self.reading = Reading()
+        self.reading, self.halves = Reading(), dict[str, Observation]()
         self.model = self._model()
         self.watch = Watch(self._show_task)
         self.cut_watches = [Watch(self._show_cut) for _ in HALVES]
@@ -71,7 +72,7 @@ class InferPage(Page):
             cancel=self.watch.cancel,
             keep=self.put_aside,
         )
-        self.controls.arrange(self.base, answers.usual_design(self.services, self.model, self.base))
+        self._arrange()
         self._renew()
         cards = self.cards
         rest = [cards.band_card, cards.moves_card, self.joined.card, cards.rank_card]
@@ -89,7 +90,7 @@ class InferPage(Page):
         elif changed == {"infer_kept"}:
             self._show_joined()
         else:
-            self.controls.arrange(self.base, answers.usual_design(self.services, self.model, self.base))
+            self._arrange()
             if changed & FILE:
                 self._renew()
             else:
@@ -112,6 +113,10 @@ class InferPage(Page):
     def _dark(self) -> bool:
         return self.session.theme == "dark"
 
+    def _arrange(self) -> None:
+        """Show the controls that mean something now."""
+        self.controls.arrange(self.base, self._halvable(), self.window)
+
     # ------------------------------------------------------------ who answers
 
     @property
@@ -125,13 +130,30 @@ class InferPage(Page):
             raise Unavailable("There is no stream in the cache; run “streamdash simulate” for one.")
         return stream.model
 
-    def _design(self) -> Design | None:
-        """The bins that are asked about, or None while no file could be read."""
+    def _whole(self) -> Design | None:
+        """The bins of the whole stretch, or None while no file could be read."""
         if self.session.infer_data == "upload":
             observation = self.reading.observation
             return observation.design if observation else None
-        usual = answers.usual_design(self.services, self.model, self.base)
-        return usual.part(answers.part_of(usual.n_bin, self.session.infer_window))
+        return answers.usual_design(self.services, self.model, self.base)
+
+    @property
+    def window(self) -> str:
+        """The part of the stretch that is used: all of it where its halves are too short."""
+        return self.session.infer_window if self._halvable() else "whole"
+
+    def _halvable(self) -> bool:
+        if self.session.infer_data == "upload":
+            return bool(self.halves)
+        whole = self._whole()
+        return whole is not None and answers.halvable(whole)
+
+    def _design(self, window: str | None = None) -> Design | None:
+        """The bins that are asked about, or None while no file could be read."""
+        whole, window = self._whole(), window or self.window
+        if self.session.infer_data == "upload" and window != "whole":
+            return self.halves[window].design
+        return None if whole is None else whole.part(answers.part_of(whole.n_bin, window))
 
     @property
     def mocks(self) -> Oracle | None:
@@ -170,10 +192,12 @@ class InferPage(Page):
 
     def _data(self, oracle: Oracle, factor: float, window: str | None = None) -> Data | None:
         session, mocks = self.session, self.mocks
-        window = window or session.infer_window
+        window = window or self.window
         if session.infer_data == "upload":
-            observation = self.reading.observation
-            return answers.uploaded(observation, session.example == "yes") if observation else None
+            if self.reading.observation is None or factor != 1:
+                return None  # it was measured once, with errors of its own
+            observation = self.halves.get(window, self.reading.observation)
+            return answers.uploaded(observation, session.example == "yes")
         if session.infer_data == "simulated":
             choice = answers.choice_of(session)
             if choice is None:
@@ -226,19 +250,20 @@ class InferPage(Page):
 
     def _ask(self, found: Answer) -> None:
         """What moves the answer, and whether it is calibrated, once the controls rest."""
-        same = None if self.session.infer_data == "upload" else self._data
         told = self.base if found.oracle.shipped else None
-        cut = self._halves() if found.oracle.shipped else {}
+        halves = self._halves() if self.window == "whole" else {}
         if not found.strange:
-            self.later_rows.ask(lambda: answers.moved(found, told, same, cut))
-        self.later_ranks.ask(lambda: answers.calibration(self.services, found.oracle, found.noise_factor))
+            self.later_rows.ask(lambda: answers.moved(found, told, self._data, halves))
+        self.later_ranks.ask(
+            lambda: answers.calibration(self.services, found.oracle, found.noise_factor, found.age)
+        )
 
     def put_aside(self) -> None:
         """Keep the answer, to be joined with those of other streams."""
         found = self.cards.ready()
         name = f"{stream_text(self.model)}, {found.data.name}"
-        if self.session.infer_window != "whole":
-            name += f", {self.session.infer_window} half"
+        if self.window != "whole":
+            name += f", {self.window} half"
         self.joined.put_aside(name, found.posterior)
 
     def _show_joined(self) -> None:
@@ -264,7 +289,7 @@ class InferPage(Page):
 
     def _await(self, name: str) -> None:
         """Another file was chosen and is on its way: nothing that is shown of the last one counts."""
-        self.reading = Reading()
+        self._take(Reading())
         self._answer()
         self.controls.status.text = f"Reading “{name}” …"
 
@@ -272,19 +297,26 @@ class InferPage(Page):
         """Answer for what is chosen; a file is read off the event loop first."""
         self.later_file.cancel()
         self.problem.clear()
-        self.reading = Reading()
+        self._take(Reading())
         file = file_of(self.session) if self.session.infer_data == "upload" else None
         self.controls.status.text = "" if file is None else "Reading …"
         self._answer()
         if file is not None:
             self.later_file.ask(partial(read_for, self.services, self.model, file, changes_of(self.session)))
 
+    def _take(self, reading: Reading) -> None:
+        """Look at what was read in a file, and at either half of it where it can be halved."""
+        self.reading, self.halves = reading, {}
+        if reading.observation is not None:
+            self.halves = answers.halved(reading.observation)
+
     def _show_reading(self, reading: Reading) -> None:
-        self.reading = reading
+        self._take(reading)
         self.problem[:] = [ui.error_state(reading.problem)] if reading.problem else []
         self.controls.assumptions.show(reading)
         observation = reading.observation
         self.controls.status.text = f"{observation.design.n_bin} bins were read." if observation else ""
+        self._arrange()
         self._answer()
 
     # ------------------------------------------------------------ training
@@ -314,19 +346,20 @@ class InferPage(Page):
 
     # ------------------------------------------------------------ parts of the stretch
 
-    def _part(self, window: str) -> Design:
-        usual = answers.usual_design(self.services, self.model, self.base)
-        return usual.part(answers.part_of(usual.n_bin, window))
-
     def _halves(self) -> dict[str, Oracle]:
         """What answers for either half of the stretch, as far as it has been trained."""
-        found = {window: self._trained(self._part(window)) for window in HALVES}
+        if not self._halvable():
+            return {}
+        designs = {window: self._design(window) for window in HALVES}
+        found = {window: self._trained(design) for window, design in designs.items() if design is not None}
         return {window: oracle for window, oracle in found.items() if oracle is not None}
 
     def cut(self) -> None:
         """Have estimators trained for both halves of the stretch."""
         for watch, window in zip(self.cut_watches, HALVES, strict=True):
-            design = self._part(window)
+            design = self._design(window)
+            if design is None:
+                return
             question = answers.training(self.services, self.model, self.session.infer_prior, design)
             watch.follow(self.services.laboratory.ask(*question))
 
@@ -343,9 +376,8 @@ class InferPage(Page):
             self._ask(self.found)
 
     def _offer_halves(self, oracle: Oracle | None) -> None:
-        """The button for both halves, where a stream that can be seen anew is answered from the whole."""
-        whole = oracle is not None and oracle.shipped and self.session.infer_data != "upload"
-        whole = whole and answers.halvable(answers.usual_design(self.services, self.model, self.base))
+        """The button for both halves, where the answer is from the whole stretch."""
+        whole = oracle is not None and self.window == "whole" and self._halvable()
         there = len(self._halves()) if whole else 0
         self.cutting.view.visible = whole and there < len(HALVES)
         if not any(watch.following for watch in self.cut_watches):
@@ -370,7 +402,7 @@ class InferPage(Page):
         return [ui.folded("What each method is worth", [words, pane], "methods-part")]
 
     def _asked(self) -> Asked:
-        session, observation = self.session, self.reading.observation
+        session, observation, whole = self.session, self.reading.observation, self._whole()
         return Asked(
             self.cards.ready(),
             self.mocks,
@@ -378,7 +410,7 @@ class InferPage(Page):
             self.model,
             session.infer_prior,
             session.infer_data,
-            session.infer_window,
+            answers.part_of(whole.n_bin, self.window) if whole else slice(None),
             observation.assumptions.model_dump_json() if observation else "",
             session.example == "yes",
         )

@@ -84,10 +84,11 @@ def calibration_html(found: Calibration, prior: Prior) -> Markup:
 def calibration_sentence(found: Calibration) -> str:
     """Whether the posteriors are calibrated, in words."""
     score = found.scores[found.name]
+    aged = "" if found.age is None else f" of {found.age:g} Gyr, the age known,"
     return (
-        f"Of {score.n} streams that it has not learnt from, {score.coverage[0]:.0%} have their true value in "
-        f"the 68 % interval and {score.coverage[1]:.0%} in the 95 % one. The grey band is where 95 % of the "
-        "bars lie if the posteriors are right."
+        f"Of {score.n} streams{aged} that it has not learnt from, {score.coverage[0]:.0%} have their true "
+        f"value in the 68 % interval and {score.coverage[1]:.0%} in the 95 % one. The grey band is where "
+        "95 % of the bars lie if the posteriors are right."
     ) + (PAIR_WORDS if found.pairs else "")
 
 
