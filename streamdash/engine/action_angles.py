@@ -213,11 +213,10 @@ def _along(
     actions = np.empty((size, 2))
     state = np.empty(6)
     for i in range(size):
+        for k in range(6):  # loops: whole rows take numba a second to compile
+            state[k] = back[n - 1 - i, k] if i < n - 1 else forth[i - n + 1, k]
         if i < n - 1:
-            state[:] = back[n - 1 - i]
             state[1], state[2], state[4] = -state[1], -state[2], -state[4]
-        else:
-            state[:] = forth[i - n + 1]
         actions[i, 0], actions[i, 1], angles[i, 0], angles[i, 1], angles[i, 2] = _isochrone(state, amp, b)
     falls = 0
     mean, weight = np.zeros(2), np.zeros(2)
@@ -246,4 +245,6 @@ def _along(
         terms[i, 8], terms[i, 9] = s1 * d2 + c1 * t2, s1 * d2 - c1 * t2
         terms[i, 10], terms[i, 11] = s2 * d1 + c2 * t1, s2 * d1 - c2 * t1
         terms[i, 12], terms[i, 13] = s2 * d2 + c2 * t2, s2 * d2 - c2 * t2
-    return mean / weight, terms, angles, falls > 0
+    for k in range(2):
+        mean[k] /= weight[k]
+    return mean, terms, angles, falls > 0

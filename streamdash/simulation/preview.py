@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,11 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from streamdash import paths
 from streamdash.config import EnsembleConfig, StreamModel
 from streamdash.engine.geometry import Geometry, smooth_geometry
 from streamdash.engine.impacts import expected_impacts
 from streamdash.simulation.ensemble import background, compute_stream
 from streamdash.simulation.geometry import compute_geometry
+from streamdash.store.cache import Cache, StoreError
 
 PREVIEW_S = 1.0
 """After this long no further stream of a preview is begun."""
@@ -73,8 +77,21 @@ def coarse_preview(
         When a worker was killed.
     """
     coarse = coarse_config(config)
+    # Worker processes build the geometry; this one only waits for them, and compiles what streams need.
+    compiling = threading.Thread(target=_compile, daemon=True)
+    compiling.start()
     geometry = compute_geometry(coarse.stream, workers, progress, nice=nice, coarse=True)
+    compiling.join()
     return preview(coarse, geometry, n_streams)
+
+
+def _compile() -> None:
+    """Compile the engine, which a machine does once and keeps, with a stream of the shipped geometry."""
+    config = EnsembleConfig()
+    with contextlib.suppress(StoreError):
+        dataset = Cache((paths.CACHE,)).open_geometry(config.stream)
+        if dataset is not None:
+            compute_stream(Geometry.from_dataset(dataset, config.stream), config, 0)
 
 
 def coarse_text(config: EnsembleConfig) -> str:

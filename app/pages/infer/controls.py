@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from app import ui
@@ -29,7 +29,7 @@ class Controls:
         Its session is bound.
     receive, refuse, announce
         What `FileDrop` calls.
-    example, train, cancel, keep
+    example, train, cancel, keep, other
         What the buttons call.
     """
 
@@ -44,6 +44,7 @@ class Controls:
         train: Callable[[], None],
         cancel: Callable[[], None],
         keep: Callable[[], None],
+        other: Callable[[], None],
     ) -> None:
         self.session: Session = page.session
         wide: dict[str, Any] = {"sizing_mode": ui.WIDE, "width": None}
@@ -69,6 +70,10 @@ class Controls:
         self.example = ui.button("Try the example", example, css_classes=["sd-example"], margin=(4, 10))
         self.training = TaskControls("Train for these bins", train, cancel, "infer", color="primary")
         self.keep = ui.button("Put aside, to join", keep, css_classes=["sd-infer-keep"], margin=(4, 10))
+        self.kept = LiveText(margin=(0, 10), css_classes=["sd-infer-kept"])
+        self.other = ui.button(
+            "Other arm", other, css_classes=["sd-infer-other"], margin=(4, 10), visible=False
+        )
         key = [ui.stream_picker(page), ui.select(page, "infer_prior", "Prior: what is left open", **wide)]
         more = [
             ui.toggle(page, "infer_data", "Data"),
@@ -84,6 +89,8 @@ class Controls:
             self.window,
             self.training.view,
             self.keep,
+            self.kept,
+            self.other,
         ]
         self.view = ui.side_panel(key, more)
 
@@ -101,6 +108,12 @@ class Controls:
         options = _age_options(base)
         if self.age_buttons.options != options:
             self.age_buttons.options = options
+
+    def say_kept(self, names: Sequence[str], other: str) -> None:
+        """Say what was put aside, and offer the other arm of the stream, where there is one."""
+        self.kept.text = f"Put aside: {'; '.join(names)}." if names else ""
+        self.other.visible = bool(other)
+        self.other.label = f"Next: the {other} arm"
 
     def _ensembles(self) -> dict[str, int]:
         stream = self.session.catalog.stream(self.session.stream)

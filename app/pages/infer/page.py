@@ -20,6 +20,7 @@ from app.pages.infer.parts import answer_html, methods_html
 from app.pages.observe.reading import Reading, changes_of, file_of, read_for, show_example
 from app.pages.observe.state import AUTO, LINKED, Upload
 from app.services.services import Unavailable
+from app.session.catalog import Stream
 from app.ui.study import TaskControls
 from app.work.later import Later
 from app.work.tasks import Task, Watch
@@ -43,8 +44,8 @@ class InferPage(Page):
     question = "How many subhalos hit a stream, and down to what mass?"
     one_arm = (
         "One population hit both, and each arm has impacts of its own: what both say is the product of what "
-        "each says. Choose an arm, press “Put aside, to join” at its answer, and do the same with the other: "
-        "“Several streams together” multiplies them."
+        "each says. Choose the arm to begin with; at its answer press “Put aside, to join” and then “Next”, "
+        "which asks for the other: “Several streams together” multiplies them."
     )
     uses = FILE | {"theme", *(f"infer_{name}" for name in CHOICES)}
 
@@ -71,6 +72,7 @@ class InferPage(Page):
             train=self.train,
             cancel=self.watch.cancel,
             keep=self.put_aside,
+            other=self.go_to_other_arm,
         )
         self._arrange()
         self._renew()
@@ -260,14 +262,39 @@ class InferPage(Page):
 
     def put_aside(self) -> None:
         """Keep the answer, to be joined with those of other streams."""
-        found = self.cards.ready()
-        name = f"{stream_text(self.model)}, {found.data.name}"
+        found, source = self.cards.ready(), self.reading.source
+        own = self.session.infer_data == "upload" and self.session.example == "no" and source is not None
+        name = f"{stream_text(self.model)}, {f'“{source.name}”' if own and source else found.data.name}"
         if self.window != "whole":
             name += f", {self.window} half"
         self.joined.put_aside(name, found.posterior)
 
+    def _other_arm(self) -> Stream | None:
+        """The arm of this stream that no answer was put aside of, where one was of this arm."""
+        name, arms = stream_of(self.model).name, []
+        for stream in self.session.catalog.streams:
+            if not stream.arms and stream_of(stream.model).name == name:
+                arms.append(stream)
+        done = {
+            arm.key
+            for arm in arms
+            if any(kept.startswith(stream_text(arm.model)) for kept, _ in self.session.infer_kept)
+        }
+        left = [arm for arm in arms if arm.key not in done]
+        return left[0] if done and left and left[0].key != self.session.stream else None
+
+    def go_to_other_arm(self) -> None:
+        """Ask the same of the stream's other arm; a file is of one arm alone."""
+        other = self._other_arm()
+        if other is not None:
+            self.session.param.update(example="no", upload=None, infer_window="whole", **BLANK)
+            self.session.choose_stream(other.key)
+
     def _show_joined(self) -> None:
-        found = self.found
+        found, other = self.found, self._other_arm()
+        self.controls.say_kept(
+            [name for name, _ in self.session.infer_kept], other.model.arm if other else ""
+        )
         if found is None:
             self.joined.show(None, None)
         else:
