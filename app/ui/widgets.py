@@ -25,7 +25,7 @@ SLIDER_DELAY = 10
 """Milliseconds in which moves of one slider are gathered; Panel's 50 are a third of our budget."""
 _ARROW = "%3Cpath d='M2 4l4 5 4-5z' fill='%23808080'/%3E"
 MENU_STYLE = f"""
-.bk-input-group > label {{ background: var(--sd-ground, var(--mui-palette-background-default)); }}
+.bk-input-group > label {{ background: var(--sd-ground, var(--mui-palette-background-default)) !important; }}
 select.bk-input {{ background-image: url("data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' \
 width='12' height='12'%3E{_ARROW}%3C/svg%3E") !important; }}
 """
