@@ -149,6 +149,19 @@ def test_several_streams_say_more_together(page):
     assert together([("other", parts[0].given("log10_rate", -1, 0))], None) == []
 
 
+def test_the_other_arm_is_asked_about_with_one_press(open_shell):
+    shell = open_shell(f"{LINK}&stream=pal5")
+    page = shell.page
+    assert page.model.arm == "trailing" and not page.controls.other.visible
+    page.put_aside()
+    assert "Palomar 5, trailing arm, mock 1" in page.controls.kept.text
+    assert page.controls.other.visible and "leading" in page.controls.other.label
+    page.go_to_other_arm()
+    page = shell.page
+    assert page.model.arm == "leading" and not page.controls.other.visible
+    assert [name for name, _ in page.session.infer_kept] == ["Palomar 5, trailing arm, mock 1"]
+
+
 def test_a_profile_unlike_any_stream_is_not_answered(page, monkeypatch):
     design = page.base.estimator.design
     x = np.arange(design.n_bin)

@@ -17,12 +17,16 @@ from app.pages.infer.parts import (
     calibration_html,
     calibration_sentence,
     corner_sentence,
+    methods_html,
     strange_sentence,
 )
 from app.services.services import Unavailable
+from streamdash.config import StreamModel
+from streamdash.inference.methods import shipped_methods
 from streamdash.inference.posterior import Posterior
 from streamdash.plots import corner, infer
 from streamdash.plots.live import LiveFigure, export
+from streamdash.streams import stream_of
 
 CORNER_LEGEND = (
     ("dots", "posterior; dark: its most probable 68 %"),
@@ -219,3 +223,18 @@ def html(css_class: str) -> ui.Html:
 def pane(live: LiveFigure) -> Viewable:
     """A figure as wide as there is room."""
     return ui.figure_pane(live.figure)
+
+
+def methods_part(model: StreamModel) -> list[Viewable]:
+    """What each method is worth for a stream, where that was measured."""
+    methods = shipped_methods(stream_of(model).name)
+    if not methods:
+        return []
+    table = html("sd-methods")
+    table.write(methods_html(methods))
+    words = ui.plain_text(
+        "All rows answer for the same streams, which none of them has learnt from: the abundance alone, "
+        "in the stream’s usual bins.",
+        margin=(0, 8),
+    )
+    return [ui.folded("What each method is worth", [words, table], "methods-part")]

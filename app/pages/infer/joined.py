@@ -8,12 +8,15 @@ import panel as pn
 
 from app import ui
 from app.pages.infer.code import JOIN_CODE
+from app.session.catalog import Stream
 from app.session.session import Session
+from streamdash.config import StreamModel
 from streamdash.inference.cells import AGE
 from streamdash.inference.posterior import Posterior
 from streamdash.plots import infer
 from streamdash.plots.live import LiveFigure, export
 from streamdash.prior import Prior
+from streamdash.streams import stream_of, stream_text
 
 WORDS = "Put aside the answer of another stream with the same prior to see what they say together."
 
@@ -66,6 +69,18 @@ class Joined:
     def _draw(self, backend: Any) -> Any:
         assert self.prior is not None
         return infer.intervals(self.rows, self._name, self.prior, backend)
+
+
+def other_arm(session: Session, model: StreamModel) -> Stream | None:
+    """The other arm of a stream, where an answer of one arm was put aside and none of that one."""
+    name = stream_of(model).name
+    arms = [one for one in session.catalog.streams if not one.arms and stream_of(one.model).name == name]
+
+    def answered(arm: Stream) -> bool:
+        return any(kept.startswith(stream_text(arm.model)) for kept, _ in session.infer_kept)
+
+    left = [arm for arm in arms if not answered(arm) and arm.model != model]
+    return left[0] if left and len(left) < len(arms) and any(map(answered, arms)) else None
 
 
 def together(kept: list[tuple[str, Posterior]], present: Posterior | None) -> list[tuple[str, Posterior]]:

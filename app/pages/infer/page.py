@@ -12,22 +12,20 @@ from app import ui
 from app.page import Page
 from app.pages.infer import answers
 from app.pages.infer.answers import Answer, Data, Oracle
-from app.pages.infer.cards import Cards, html
+from app.pages.infer.cards import Cards, html, methods_part
 from app.pages.infer.code import Asked
 from app.pages.infer.controls import Controls
-from app.pages.infer.joined import Joined
-from app.pages.infer.parts import answer_html, methods_html
+from app.pages.infer.joined import Joined, other_arm
+from app.pages.infer.parts import answer_html
 from app.pages.observe.reading import Reading, changes_of, file_of, read_for, show_example
 from app.pages.observe.state import AUTO, LINKED, Upload
 from app.services.services import Unavailable
-from app.session.catalog import Stream
 from app.ui.study import TaskControls
 from app.work.later import Later
 from app.work.tasks import Task, Watch
 from streamdash.config import StreamModel
-from streamdash.inference.methods import shipped_methods
 from streamdash.observe.observation import Observation
-from streamdash.streams import stream_of, stream_text
+from streamdash.streams import stream_text
 from streamdash.survey.design import Design
 
 BLANK: dict[str, Any] = {"columns": {}, **dict.fromkeys(LINKED.values(), AUTO)}
@@ -81,7 +79,7 @@ class InferPage(Page):
         return ui.page_layout(
             cards.corner_card.view,
             *(card.view for card in rest),
-            *self._methods(),
+            *methods_part(self.model),
             opening=ui.Opening(self.question, self.answer, self.problem),
             panel=self.controls.view,
         )
@@ -269,29 +267,15 @@ class InferPage(Page):
             name += f", {self.window} half"
         self.joined.put_aside(name, found.posterior)
 
-    def _other_arm(self) -> Stream | None:
-        """The arm of this stream that no answer was put aside of, where one was of this arm."""
-        name, arms = stream_of(self.model).name, []
-        for stream in self.session.catalog.streams:
-            if not stream.arms and stream_of(stream.model).name == name:
-                arms.append(stream)
-        done = {
-            arm.key
-            for arm in arms
-            if any(kept.startswith(stream_text(arm.model)) for kept, _ in self.session.infer_kept)
-        }
-        left = [arm for arm in arms if arm.key not in done]
-        return left[0] if done and left and left[0].key != self.session.stream else None
-
     def go_to_other_arm(self) -> None:
         """Ask the same of the stream's other arm; a file is of one arm alone."""
-        other = self._other_arm()
+        other = other_arm(self.session, self.model)
         if other is not None:
             self.session.param.update(example="no", upload=None, infer_window="whole", **BLANK)
             self.session.choose_stream(other.key)
 
     def _show_joined(self) -> None:
-        found, other = self.found, self._other_arm()
+        found, other = self.found, other_arm(self.session, self.model)
         self.controls.say_kept(
             [name for name, _ in self.session.infer_kept], other.model.arm if other else ""
         )
@@ -414,19 +398,6 @@ class InferPage(Page):
                 if whole
                 else ""
             )
-
-    def _methods(self) -> list[Viewable]:
-        methods = shipped_methods(stream_of(self.model).name)
-        if not methods:
-            return []
-        pane = html("sd-methods")
-        pane.write(methods_html(methods))
-        words = ui.plain_text(
-            "All rows answer for the same streams, which none of them has learnt from: the abundance alone, "
-            "in the stream’s usual bins.",
-            margin=(0, 8),
-        )
-        return [ui.folded("What each method is worth", [words, pane], "methods-part")]
 
     def _asked(self) -> Asked:
         session, observation, whole = self.session, self.reading.observation, self._whole()
