@@ -176,20 +176,13 @@ def cut(observation: Observation, bins: slice) -> Observation:
     low, high = observation.design.low[bins], observation.design.high[bins]
     if observation.value is None or len(low) < MIN_BINS:
         raise ObservationError(f"Half of the stretch has {len(low)} bins; at least {MIN_BINS} are needed.")
+    value, notes = observation.value[bins], list(observation.notes)
     error = None if observation.error is None else observation.error[bins]
-    notes = list(observation.notes)
     used = observation.used.model_copy(update={"order": observation.assumptions.order})
-    design, q = _design(used, low, high, observation.value[bins], error, notes)
-    used = observation.used.model_copy(update={"order": design.order})
-    return replace(
-        observation,
-        used=used,
-        design=design,
-        q=q,
-        notes=tuple(notes),
-        value=observation.value[bins],
-        error=error,
-    )
+    design, q = _design(used, low, high, value, error, notes)
+    used = used.model_copy(update={"order": design.order})
+    changed = {"used": used, "design": design, "q": q, "notes": tuple(notes)}
+    return replace(observation, **changed, value=value, error=error)
 
 
 def _ask(table: Table, a: Assumptions, *fields: str) -> None:
