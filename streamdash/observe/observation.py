@@ -181,8 +181,7 @@ def cut(observation: Observation, bins: slice) -> Observation:
     used = observation.used.model_copy(update={"order": observation.assumptions.order})
     design, q = _design(used, low, high, value, error, notes)
     used = used.model_copy(update={"order": design.order})
-    changed = {"used": used, "design": design, "q": q, "notes": tuple(notes)}
-    return replace(observation, **changed, value=value, error=error)
+    return replace(observation, used=used, design=design, q=q, notes=tuple(notes), value=value, error=error)
 
 
 def _ask(table: Table, a: Assumptions, *fields: str) -> None:
