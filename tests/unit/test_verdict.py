@@ -11,6 +11,7 @@ from streamdash.classifier.data import Cancelled, ClassifierError, split
 from streamdash.config import Perturbers, StreamModel
 from streamdash.observe.guess import changed, guess
 from streamdash.observe.observation import Observation, interpret, read_observation
+from streamdash.observe.provenance import Source, signed
 from streamdash.observe.report import answer, report, text
 from streamdash.observe.resemblance import UNLIKE, Cloud, learn_likeness
 from streamdash.observe.table import read_table
@@ -35,6 +36,7 @@ LABELS = ("1e3-1e5", "1e5-1e9")
 N_KNOWN = 800
 """Streams per class that the tests learn from; the others are the unseen truth."""
 ORDER = 3
+IMAGE = "<img/src=x>"
 
 
 @pytest.fixture(scope="module")
@@ -232,14 +234,18 @@ def test_names_of_strangers_stay_text_in_the_report(world, bins, geometry):
     prepared, _ = world
     low, high, sigma = bins
     rows = zip(0.5 * (low + high), np.ones(len(low)), sigma, strict=True)
-    data = ("phi1,<img/src=x>,error\n" + "".join(f"{x:g},{v:g},{s:g}\n" for x, v, s in rows)).encode()
+    data = (f"phi1,{IMAGE},error\n" + "".join(f"{x:g},{v:g},{s:g}\n" for x, v, s in rows)).encode()
     table = read_table(data)
     observation = interpret(table, changed(guess(table), {"kind": "detrended"}), geometry)
-    page = report_html(
-        report(judge(prepared, observation), observation, prepared), observation, prepared.bands()
+    result = signed(
+        report(judge(prepared, observation), observation, prepared), Source.of(data, f"{IMAGE}.csv")
     )
+    for entry in (*result["classes"], *result["provenance"]["classes"]):
+        entry.update(dict.fromkeys(("label", "title", "name"), IMAGE))
+    result["warnings"] = [*result["warnings"], IMAGE]
+    page = report_html(result, observation, prepared.bands())
     assert "<img" not in page
-    assert "&lt;img/src=x&gt;" in page
+    assert page.count("&lt;img/src=x&gt;") > 5
 
 
 def test_the_same_question_has_the_same_answer(world, bins, geometry):
