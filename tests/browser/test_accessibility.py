@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 from app.pages.registry import PAGES
 from tests.browser.driving import darken
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
+PROFILE = "observe&example=yes"
+"""Observe once it has a profile: with a chip for each assumption."""
 GRAVE = {"serious", "critical"}
 
 
@@ -24,9 +26,11 @@ def grave(page: Page) -> dict[str, list[str]]:
     }
 
 
-@pytest.mark.parametrize("key", [page.key for page in PAGES])
+@pytest.mark.parametrize("key", [*(page.key for page in PAGES), PROFILE])
 def test_no_grave_violation_on_any_page(tab, key):
     page = tab(f"?page={key}").page
+    if key == PROFILE:
+        expect(page.locator(".sd-chip").first).to_be_visible()
     assert grave(page) == {}
     page.set_viewport_size({"width": 390, "height": 900})
     darken(page)

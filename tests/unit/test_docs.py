@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from streamdash.cli.main import app
+from tests.browser.screenshots import LARGEST, VIEWS
 from tests.unit.sources import shipped
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -66,6 +67,18 @@ def test_picture_and_reference_come_from_the_code(site):
         assert f"streamdash.{part}." in reference
     for command in app.registered_commands:
         assert f"streamdash {command.name}" in reference
+
+
+def test_pictures_are_small_shown_and_taken_by_one_command():
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+    shown = {
+        (page.parent / link).resolve()
+        for page in pages
+        for link in re.findall(r"!\[[^\]]*\]\(([^)]+\.png)\)", page.read_text(encoding="utf-8"))
+    }
+    taken = {(ROOT / "docs" / name).resolve() for name in VIEWS}
+    assert shown == taken
+    assert all(picture.stat().st_size < LARGEST for picture in taken)
 
 
 @pytest.fixture(scope="module")

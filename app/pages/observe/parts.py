@@ -76,6 +76,7 @@ CHIP = """
 .bk-input { border: 0 !important; background-color: transparent !important; height: 32px !important;
   min-height: 32px !important; padding: 2px 22px 2px 6px !important; margin: 0 !important;
   font: 500 14px/1.4 Roboto, sans-serif; width: auto !important; max-width: 260px; color: inherit; }
+.bk-spin-btn { display: none !important; }  /* they have no names; arrow keys do the same */
 input.bk-input { max-width: 76px; padding-right: 4px !important; }
 """
 """An assumption as a pill: what it is, and a menu or number that changes it."""
