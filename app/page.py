@@ -43,9 +43,13 @@ class Page:
     one_arm: ClassVar[str] = ""
     """Why the page takes the arms of a stream one by one, and what to do; empty where it takes both."""
 
+    bundled: list[Any]
+    """Its figures (`app.ui.layout.FigureCard`), as they were made."""
+
     def __init__(self, session: Session, services: Services) -> None:
         self.session = session
         self.services = services
+        self.bundled = []
         self._watchers: list[Any] = []
 
     def view(self) -> Viewable:

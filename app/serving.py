@@ -41,6 +41,7 @@ def open_session(services: Services) -> Viewable:
     seen = services.watch.version
     session = Session(tuple(page.key for page in PAGES), services.catalog())
     session.load(pn.state.location.search if pn.state.location else "")
+    services.sessions.add(session)
     document = pn.state.curdoc
     assert document is not None, "a browser session is being served"
     # The browser loads its scripts while the page is built, instead of waiting for it.
@@ -52,7 +53,7 @@ def open_session(services: Services) -> Viewable:
     def end(_: Any) -> None:
         with contextlib.ExitStack() as stack:  # each of them, also when another one raises
             stack.callback(forget_view, notifications)
-            stack.callback(services.jobs.leave, session.visitor)
+            stack.callback(services.leave, session)
             stack.callback(shell.close)
             stack.callback(news.stop)
 

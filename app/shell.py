@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -13,10 +14,12 @@ from app.page import Page
 from app.services.services import Services, Unavailable
 from app.session.session import Session
 from app.ui.browser import AddressBar, Navigation
+from app.ui.figure_tools import FigureTools
 from streamdash.store.cache import StoreError
 
 logger = logging.getLogger(__name__)
 
+VISITOR = re.compile(r"[0-9a-f]{32}")
 STRUCTURE = frozenset({"page", "stream", "mass"})
 """Changes that need a page to be built anew rather than patched."""
 
@@ -49,12 +52,14 @@ class Shell:
         self.services = services
         self.pages = {page.key: page for page in pages}
         self.page: Page | None = None
-        self.address = AddressBar(search=session.search, width=0, height=0, margin=0)
+        self.address = AddressBar(search=session.search, visitor=session.visitor, width=0, height=0, margin=0)
         self.messages = pn.Column(margin=0, sizing_mode="stretch_width")
         self.slot = pn.Column(sizing_mode="stretch_width", margin=0)
         self.navigation = Navigation(groups=_groups(pages), page=self.key, css_classes=["sd-nav"])
         self.view = ui.page_frame(
-            [self.address, self.messages, self.slot], session.theme == "dark", [self.navigation]
+            [self.address, FigureTools(width=0, height=0, margin=0), self.messages, self.slot],
+            session.dark,
+            [self.navigation],
         )
         self._say_problems()
         soon(self._show)
@@ -63,6 +68,8 @@ class Shell:
         self.navigation.param.watch(self._navigated, "page")
         self.view.param.watch(self._toggled, "dark_theme")
         self.address.param.watch(self._moved_in_history, "search")
+        self.address.param.watch(self._returned, "visitor")
+        self.address.param.watch(lambda event: session.param.update(system_dark=event.new), "dark")
 
     @property
     def key(self) -> str:
@@ -78,14 +85,23 @@ class Shell:
             self.navigation.page = self.key
 
     def _toggled(self, event: Any) -> None:
-        self.session.theme = "dark" if event.new else "default"
+        if event.new != self.session.dark:
+            own = {True: "dark", False: "light"}[event.new]
+            self.session.theme = "default" if event.new == self.session.system_dark else own
 
     def _moved_in_history(self, event: Any) -> None:
         if event.new != self.session.search:
             self.session.load(event.new)
 
+    def _returned(self, event: Any) -> None:
+        """The tab was loaded anew: what it has started is still its own."""
+        if VISITOR.fullmatch(event.new):
+            self.session.visitor = event.new
+
     def _changed(self, *events: Any) -> None:
         changed = frozenset(event.name for event in events)
+        if "system_dark" in changed:
+            changed |= {"theme"}
         with pn.io.hold():
             self.navigation.page = self.key
             if changed & STRUCTURE:
@@ -93,7 +109,7 @@ class Shell:
             elif self.page is not None and changed & self.page.uses:
                 page = self.page
                 self._attempt(lambda: page.update(changed & page.uses))
-            self.view.dark_theme = self.session.theme == "dark"
+            self.view.dark_theme = self.session.dark
             if "page" in changed:
                 self.address.push += 1
             self.address.search = self.session.search

@@ -8,16 +8,37 @@ side by side, the name also says what sets them apart: ``1e5-1e9, cutoff 1e7 Msu
 from __future__ import annotations
 
 import re
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from streamdash.config import Config, EnsembleConfig, Population, Prior, mass_label, parse_mass_range
 from streamdash.populations import wdm_mass
 
-CLASS_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
-"""Okabe & Ito's colour-blind-safe blue, vermilion, green and purple: models M0, M1, M2, M3."""
-COLOUR_WORDS = ("blue", "orange", "green", "purple")
-"""How people call them."""
+COLOUR_WORDS = {
+    "#0072B2": "blue",
+    "#D55E00": "orange",
+    "#009E73": "green",
+    "#CC79A7": "pink",
+    "#3D9BC4": "light blue",
+    "#A6761D": "brown",
+    "#7F6FC0": "violet",
+    "#999933": "olive",
+    "#882255": "wine",
+}
+"""Colours of classes, Okabe & Ito's first, and how people call them."""
+CLASS_COLOURS = tuple(COLOUR_WORDS)
+HOME_COLOURS = {
+    "1e3-1e5": "#0072B2",
+    "1e5-1e9": "#D55E00",
+    "1e5-1e7": "#009E73",
+    "1e7-1e9": "#CC79A7",
+    "1e3-1e5+1e5-1e9": "#3D9BC4",
+    "1e6-1e9": "#A6761D",
+}
+"""Colours of the usual mass ranges; others get what is left (`class_colours`)."""
+ACCENT = "#6B7A89"
+"""Colour of what belongs to no class: calibration, importance, scores of all classes."""
 
 MASS_UNIT = "M☉"
 PLAIN_UNIT = "Msun"
@@ -26,9 +47,44 @@ MASS = re.compile(rf"(?<!\d)(\d+(?:\.\d+)?)e(\d+)( {PLAIN_UNIT})?")
 RANGE = re.compile(r"(?<=e\d)-(?=\d)|(?<=e\d\d)-(?=\d)")
 
 
-def class_colour(index: int) -> str:
-    """Colour of model ``index`` (0 for the lowest masses) on every page and in every figure."""
-    return CLASS_COLOURS[index % len(CLASS_COLOURS)]
+def class_colours(classes: Sequence[EnsembleConfig | str]) -> list[str]:
+    """Colour of each of the classes that stand side by side, on every page and in every figure.
+
+    A colour belongs to the class, not to its place: the usual mass ranges have colours of their own
+    (`HOME_COLOURS`), any other one of those that are left, the same one every time unless two of them
+    would have the same.
+
+    Parameters
+    ----------
+    classes
+        Configurations, or names from `class_names` or `class_labels`.
+    """
+    names = [_colour_name(one) for one in classes]
+    taken = {HOME_COLOURS[name] for name in names if name in HOME_COLOURS}
+    given: dict[int, str] = {}
+    # By name, so that the order in which they stand does not matter.
+    for index in sorted(range(len(names)), key=lambda i: (names[i], i)):
+        home = HOME_COLOURS.get(names[index])
+        if home is None or home in given.values():
+            first = zlib.crc32(names[index].encode()) % len(CLASS_COLOURS)
+            order = CLASS_COLOURS[first:] + CLASS_COLOURS[:first]
+            # Of the colours that no usual range has, then of all.
+            spare = [c for c in order if c not in HOME_COLOURS.values()] + list(order)
+            home = next((c for c in spare if c not in taken and c not in given.values()), spare[0])
+        given[index] = home
+    return [given[index] for index in range(len(names))]
+
+
+def _colour_name(one: EnsembleConfig | str) -> str:
+    """What a class's colour goes by: its masses, and what sets it apart from the default ones."""
+    if not isinstance(one, str):
+        return ", ".join([one.population.label, *differences(one)])
+    return next((name for name in HOME_COLOURS if one in (name, label_text(name))), one)
+
+
+def class_colour(index: int, classes: Sequence[EnsembleConfig | str]) -> str:
+    """Colour of one of the classes that stand side by side; see `class_colours`."""
+    return class_colours(classes)[index]
 
 
 # ---------------------------------------------------------------- masses
@@ -164,11 +220,11 @@ WORDS: Mapping[str, Callable[[Any], str]] = {
     "perturbers.slope": lambda value: f"slope {_number(value)}",
     "perturbers.cutoff_mass": lambda value: f"cutoff {_mass(value)}",
     "perturbers.half_mode_mass": lambda value: (
-        f"warm, half-mode mass {_mass(value)} (m_WDM = {wdm_mass(value):.3g} keV)"
+        f"warm, half-mode mass {_mass(value)} ({wdm_mass(value):.3g} keV)"
     ),
     "perturbers.profile": lambda value: f"{value.capitalize()} spheres",
-    "perturbers.rs_factor": lambda value: f"r_s × {_number(value)}",
-    "perturbers.sigma_h": lambda value: f"σ_h = {_number(value)} km/s",
+    "perturbers.rs_factor": lambda value: f"scale radius × {_number(value)}",
+    "perturbers.sigma_h": lambda value: f"velocity dispersion {_number(value)} km/s",
     "perturbers.length_factor": lambda value: f"length × {_number(value)}",
     "perturbers.width_floor": lambda value: "without the width floor" if not value else "width floor",
     "prior": lambda value: "every stream with a population of its own",

@@ -51,6 +51,18 @@ class Config(BaseModel):
             raise ConfigError(_sentence(error)) from None
 
 
+PLAIN = {
+    "int_parsing": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "int_type": "must be a whole number",
+    "float_parsing": "must be a number",
+    "float_type": "must be a number",
+    "bool_parsing": "must be yes or no",
+    "bool_type": "must be yes or no",
+}
+"""What pydantic says in a programmer's words, by its type of error."""
+
+
 def _sentence(error: ValidationError) -> str:
     """One sentence a person can act on, from pydantic's first complaint."""
     first = error.errors(include_url=False)[0]
@@ -61,7 +73,7 @@ def _sentence(error: ValidationError) -> str:
     if isinstance(inner, ConfigError):  # a model inside this one has said it already
         return f"{field}.{inner}" if field else str(inner)
     field = field or "configuration"
-    message = first["msg"].removeprefix("Value error, ")
+    message = PLAIN.get(first["type"], first["msg"].removeprefix("Value error, "))
     value = repr(first.get("input"))
     given = first.get("input")
     models = isinstance(given, tuple) and any(isinstance(item, Config) for item in given)

@@ -16,7 +16,7 @@ Make ``app/pages/<key>/page.py`` with a class derived from `app.page.Page`, and 
             self.live = LiveFigure(pdf_figure(data))            # streamdash.plots.live
             self.card = ui.FigureCard(                          # heading, figure, sentence, downloads
                 "PDF of density fluctuations", self.live.figure, name="pdf",
-                image=lambda fmt: export(pdf_figure(self._data(), backend="matplotlib"), fmt),
+                drawn=lambda: pdf_figure(self._data(), backend="matplotlib"),  # for files
                 table=lambda: pdf_table(self._data()),          # pandas.DataFrame, units in column names
                 code=lambda: pdf_code(...),                     # lines of Python that run as shown
             )
@@ -50,14 +50,14 @@ Rules
 - **Figures** are declared once by a function in ``streamdash/plots/`` (bodies read ``# Collect``,
   ``# Compute``, ``# Plot``; no Panel there), with labelled elements and fixed ranges. `LiveFigure`
   finds the Bokeh data source of each label; ``patch`` writes new arrays. Long arrays, few of them,
-  never ragged lists, never new figures. Class colours: ``streamdash.naming.class_colour(i)``.
+  never ragged lists, never new figures. Class colours: ``streamdash.naming.class_colours(configs)``.
   Ink that must contrast with the page (medians, reference lines): put the label in
-  ``LiveFigure(..., ink=("median", ...))`` and call ``live.ink(session.theme)`` when "theme" changes.
+  ``LiveFigure(..., ink=("median", ...))`` and call ``live.set_ink(session.dark)`` when "theme" changes.
 - **Errors**: raise `app.services.services.Unavailable` with one sentence for what cannot be shown;
   ``ui.error_state`` and ``ui.message`` draw the rest.
 - **HTML** is a Jinja template beside the page (``pages/<key>/name.html``; macros in ``ui/macros.html``),
   filled by ``ui.render`` and shown by ``ui.Html``, which shows anything else as text, whoever wrote it.
-- **Downloads and code**: `FigureCard` makes PNG, SVG, CSV and the code, behind "Export",
+- **Downloads and code**: `FigureCard` makes PNG, SVG, PDF, CSV and the code, behind "Export",
   of what is shown *now*: pass functions, not values. `say` sets the sentence under the figure
   (screen readers hear it).
 - Give what a browser test holds on to a CSS class ``sd-…``.

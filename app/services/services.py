@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+from typing import Any
+from weakref import WeakSet
 
 from loky import cpu_count
 
@@ -55,6 +57,8 @@ class Services(Results):
         Simulations in the background.
     bell : Bell
         Tells sessions of changes.
+    sessions : WeakSet of Session
+        Sessions that are open now.
     classrooms : Classrooms
         Classes that play the quiz together.
     watch : CacheWatch
@@ -80,6 +84,13 @@ class Services(Results):
         self.watch = CacheWatch(cache)
         self.bell = Bell()
         self.classrooms = Classrooms()
+        self.sessions: WeakSet[Any] = WeakSet()
+
+    def leave(self, session: Any) -> None:
+        """A session has ended; its visitor's simulations are nobody's unless the same tab was loaded anew."""
+        self.sessions.discard(session)
+        if all(other.visitor != session.visitor for other in self.sessions):
+            self.jobs.leave(session.visitor)
 
     def catalog(self) -> Catalog:
         """Streams and ensembles there are now."""

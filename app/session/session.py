@@ -24,12 +24,13 @@ from app.session.fields import Decimal, Field, OneOf, Whole, check_word, fields_
 from streamdash.config import EnsembleConfig
 from streamdash.plots.style import COORDINATE_LABELS
 from streamdash.streams import bins_of, named_stream
+from streamdash.survey.bands import SCALES
 
 QUANTITIES = {"q_rho": "Qρ", "rho": "ρ", "omega": "⟨Ω∥⟩"}
-RULE_WORDS = {"central": "central 99.8 %", "noise": "paper: 3 σ_ε", "measured": "3 own widths"}
+RULE_WORDS = {"central": "central 99.8 %", "noise": "paper: 3 σ", "measured": "3 own widths"}
 N_BIN_MAX = 500
 _LONGEST_SHOWN = 40
-PROFILES, OF_PROFILES = "profiles", {"x", "y", "highlight", "seed"}
+PROFILES, OF_PROFILES = "profiles", {"x", "y", "scale", "highlight", "seed"}
 """Page that a link without one meant while it was the first; and what only its links say."""
 OWN = "phi1"
 """In links, the longitude of the stream's own frame, whatever its name there: older links say so."""
@@ -44,10 +45,12 @@ class Session(LearnState, ObserveState, InferState, ConvergenceState, SimulateSt
     noise = Decimal(0.1, (0, 1), doc="shot noise σ_ε per bin of the stream")
     n_bin = Whole(20, (2, N_BIN_MAX), softbounds=(5, 100), doc="number of bins of PDF(Qρ)")
     alpha = Whole(0, (0, N_BIN_MAX), doc="bin of PDF(Qρ) looked into, from 1; 0: at Qρ = 1")
+    focus = Whole(1, (0, CLASSES_MAX), doc="of more than two classes, whose band is drawn; 0: all")
     fiducial = Whole(0, (0, CLASSES_MAX - 1), doc="model that data are assumed to come from")
     exclude = OneOf("central", RULE_WORDS, doc="rules that say which bins of Qρ count in the evidence")
     x = OneOf("ell", COORDINATE_LABELS, doc="coordinate along the stream")
     y = OneOf("q_rho", QUANTITIES, doc="quantity shown in profiles")
+    scale = OneOf("shared", SCALES, doc="vertical scale of profiles")
     highlight = Whole(3, (0, 10), doc="number of highlighted streams")
     seed = Whole(0, (0, 9999), doc="seed that picks the highlighted streams")
     preset = OneOf("best", {"best": "Best", "paper": "Paper"}, doc="classifier to start from")
@@ -64,7 +67,8 @@ class Session(LearnState, ObserveState, InferState, ConvergenceState, SimulateSt
         (0, CLASSES_MAX**2),
         doc="cell of the confusion matrix looked into, row by row from 1; 0: the most common mistake",
     )
-    theme = OneOf("default", ("default", "dark"), doc="light or dark")
+    theme = OneOf("default", ("default", "light", "dark"), doc="light, dark, or as the system prefers")
+    system_dark = param.Boolean(False, doc="whether the visitor's system prefers dark pages")
 
     problems = param.List([], item_type=str, doc="what was wrong with the link, one sentence each")
     catalog = param.ClassSelector(class_=Catalog, default=Catalog(), doc="streams and ensembles there are")
@@ -72,7 +76,14 @@ class Session(LearnState, ObserveState, InferState, ConvergenceState, SimulateSt
     def __init__(self, pages: tuple[str, ...] = (), catalog: Catalog = Catalog(), **values: Any) -> None:
         self.pages = pages
         self.visitor = uuid4().hex
+        self.pinned: dict[str, Any] = {}
+        """Views that are kept beside the next ones, by the figure's name."""
         super().__init__(catalog=catalog, **values)
+
+    @property
+    def dark(self) -> bool:
+        """Whether the page is dark: as chosen, else as the system prefers."""
+        return self.theme == "dark" or (self.theme == "default" and self.system_dark)
 
     @property
     def ensembles(self) -> tuple[Choice, ...]:

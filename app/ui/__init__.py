@@ -17,7 +17,7 @@ from app.ui.layout import (
     page_layout,
     side_panel,
 )
-from app.ui.templates import SCROLLS, TABLE_STYLE, Html, render
+from app.ui.templates import SCROLLS, TABLE_STYLE, Html, from_markdown, render
 from app.ui.text import (
     caption,
     class_heading,
@@ -31,6 +31,7 @@ from app.ui.text import (
 )
 from app.ui.widgets import (
     MENU_STYLE,
+    band_picker,
     button,
     class_button,
     ensemble_picker,
@@ -40,9 +41,9 @@ from app.ui.widgets import (
     number_slider,
     one_arm,
     select,
+    show_bands,
     slider,
     stream_picker,
-    text_field,
     toggle,
 )
 
@@ -56,6 +57,7 @@ __all__ = [
     "FigureCard",
     "Html",
     "Opening",
+    "band_picker",
     "button",
     "caption",
     "one_arm",
@@ -71,6 +73,7 @@ __all__ = [
     "figure_grid",
     "figure_pane",
     "folded",
+    "from_markdown",
     "heading",
     "int_slider",
     "legend",
@@ -84,9 +87,9 @@ __all__ = [
     "plain_text",
     "render",
     "select",
+    "show_bands",
     "side_panel",
     "slider",
     "stream_picker",
-    "text_field",
     "toggle",
 ]

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import json
+
 import param
 from panel.custom import JSComponent
+
+from streamdash.words import SUBSCRIPT
 
 
 class AddressBar(JSComponent):
@@ -15,6 +19,8 @@ class AddressBar(JSComponent):
     """
 
     search = param.String("", doc="query with its question mark, or empty")
+    dark = param.Boolean(False, doc="whether the visitor's system prefers dark pages")
+    visitor = param.String("", doc="who this tab is: the same after a reload")
     push = param.Integer(0, doc="raised before a change that the back button should undo")
 
     _esm = """
@@ -37,7 +43,24 @@ class AddressBar(JSComponent):
       })
       const back = () => { model.search = window.location.search }
       window.addEventListener("popstate", back)
-      model.on("remove", () => window.removeEventListener("popstate", back))
+      const system = window.matchMedia("(prefers-color-scheme: dark)")
+      const tell = () => { if (model.dark !== system.matches) { model.dark = system.matches } }
+      system.addEventListener("change", tell)
+      // What is set while the document is still being built is not sent.
+      const begin = setInterval(() => {
+        if (!window.Bokeh.documents.some((one) => one.is_idle)) { return }
+        clearInterval(begin)
+        tell()
+        try {  // some browsers keep nothing
+          const own = window.sessionStorage.getItem("sd-visitor")
+          if (own) { model.visitor = own } else { window.sessionStorage.setItem("sd-visitor", model.visitor) }
+        } catch {}
+      }, 50)
+      model.on("remove", () => {
+        window.removeEventListener("popstate", back)
+        system.removeEventListener("change", tell)
+        clearInterval(begin)
+      })
       const nothing = document.createElement("span")
       nothing.hidden = true
       return nothing
@@ -45,18 +68,39 @@ class AddressBar(JSComponent):
     """
 
 
-ANNOUNCED = """
+SUBSCRIPTS = """
+    const SUBSCRIPT = new RegExp(PATTERN, "g")
+    // Text as nodes: what is written σ_ε has a real subscript.
+    const typeset = (text) => {
+      const nodes = []
+      let from = 0
+      for (const found of text.matchAll(SUBSCRIPT)) {
+        const sub = document.createElement("sub")
+        sub.style.lineHeight = 0
+        sub.textContent = found[2]
+        nodes.push(text.slice(from, found.index) + found[1], sub)
+        from = found.index + found[0].length
+      }
+      return [...nodes, text.slice(from)]
+    }
+""".replace("PATTERN", json.dumps(SUBSCRIPT.pattern.replace("\\w", "A-Za-z0-9_")))
+"""A function of the browser's that turns text into nodes; see `streamdash.words.SUBSCRIPT`."""
+
+ANNOUNCED = (
+    SUBSCRIPTS
+    + """
     export function render({model}) {
       const p = document.createElement("p")
       p.className = "sd-live"
       p.setAttribute("role", "status")
       p.setAttribute("aria-live", "polite")
-      const write = () => { p.textContent = model.text }
+      const write = () => { p.replaceChildren(...typeset(model.text)) }
       model.on("text", write)
       write()
       return p
     }
     """
+)
 """A text in a paragraph that screen readers announce when it changes."""
 
 

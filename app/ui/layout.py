@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -14,8 +15,13 @@ from bokeh.models.ui import UIElement
 from markupsafe import escape
 from panel.viewable import Viewable
 
-from app.ui.browser import Answer, DrawerButton, LiveText
-from app.ui.templates import Html, fill, literally
+from app.page import Page
+from app.ui.about import about
+from app.ui.browser import Answer, DrawerButton, Links, LiveText
+from app.ui.bundle import bundle
+from app.ui.templates import Html, fill, from_markdown, subscripted
+from streamdash.plots.files import About, publish
+from streamdash.plots.legend import Mark
 
 WIDE = "stretch_width"
 FIGURE_HEIGHT = "clamp(300px, calc(100vh - 400px), 620px)"
@@ -23,6 +29,16 @@ FIGURE_HEIGHT = "clamp(300px, calc(100vh - 400px), 620px)"
 CODE_STYLE = "pre { margin: 0; padding: 4px 16px; overflow-x: auto; font-size: 13px; line-height: 1.45; }"
 FORMULAS = frozenset("=+-@")
 """What a cell begins with that spreadsheets compute."""
+UNMARKED = str.maketrans({c: f"\\{c}" for c in "*[]`<>"})
+"""What Markdown would make something of in a heading of ours."""
+DOCUMENT_STYLE = """
+:host { font: 15px/1.55 Roboto, sans-serif; }
+table { border-collapse: collapse; display: block; overflow-x: auto; }
+th, td { padding: 3px 8px; text-align: left; border-bottom: 1px solid #80808040; }
+sub { font-size: 0.75em; line-height: 0; }
+"""
+IMAGES = ("png", "svg", "pdf")
+"""Kinds of files of a figure."""
 CONTROLS = re.compile(r"[\x00-\x1f\x7f]+")
 CARD = {"padding": "8px 16px 10px", "border": "1px solid var(--mui-palette-divider)", "border-radius": "6px"}
 """Frame of a figure and what belongs to it. A component's Paper looks the same, but the figures in it
@@ -252,21 +268,23 @@ class FigureCard:
         One Bokeh figure or Panel object, or several shown side by side.
     name
         Stem of the downloaded files' names; ``sd-card-<name>`` is the card's CSS class.
-    image
-        Called with ``"png"`` or ``"svg"``; returns the bytes of the figure as it is now.
+    drawn
+        Returns the figure as it is now, declared for Matplotlib.
     table
         Returns the figure's numbers as they are now, units in the column names.
     code
         Returns the lines of Python that make the figure as it is now.
     legend
-        Shown under the figure.
+        Shown under the figure, and in its files.
     bare
         Whether heading, files and code are left out.
+    page
+        The page it stands on: its files name the classes, the settings and the link.
 
     Attributes
     ----------
     files : dict
-        By kind (``png``, ``svg``, ``csv``), what a download calls for its bytes.
+        By kind (``png``, ``svg``, ``pdf``, ``csv``), what a download calls for its bytes.
     """
 
     def __init__(
@@ -275,21 +293,25 @@ class FigureCard:
         figures: Any,
         *,
         name: str,
-        image: Callable[[str], bytes],
+        drawn: Callable[[], Any],
         table: Callable[[], pd.DataFrame],
         code: Callable[[], str],
         legend: Viewable | None = None,
         bare: bool = False,
+        page: Page | None = None,
     ) -> None:
-        self._code = code
-        self._name = name
+        self.code = code
+        self.name = name
+        self._title, self._page = title, page
+        if page is not None:
+            page.bundled.append(self)
+        marks = getattr(legend, "marks", ())
         self._sentence = LiveText(sizing_mode=WIDE, margin=(4, 0, 0, 0), css_classes=["sd-sentence"])
         figures = figures if isinstance(figures, list | tuple) else [figures]
-        heading = pmui.Typography(literally(title), variant="h6", margin=0)
-        self.files = {
-            "png": lambda: image("png"),
-            "svg": lambda: image("svg"),
-            "csv": lambda: csv_of(table()),
+        heading = pmui.Typography(subscripted(title.translate(UNMARKED)), variant="h6", margin=0)
+        self.files: dict[str, Callable[[], bytes]] = {
+            **{kind: partial(self._image, kind, drawn, marks) for kind in IMAGES},
+            "csv": lambda: self.about().comments.encode() + csv_of(table()),
         }
         self._opener = pmui.Button(
             label="⤓ Export",
@@ -301,13 +323,30 @@ class FigureCard:
             css_classes=["sd-export"],
             sx={"textTransform": "none", "minHeight": "32px"},
         )
+        self._pinner = pmui.Button(
+            label="Pin",
+            on_click=lambda _: self.pin(),
+            variant="text",
+            size="small",
+            margin=0,
+            disabled=True,
+            css_classes=["sd-pin"],
+            description="Keep this view beside the next one",
+            sx={"textTransform": "none", "minHeight": "32px"},
+        )
         # Made when it is opened: few are, and a page with ten figures is there sooner.
         self._downloads: list[pmui.FileDownload] = []
         self._listing: Html | None = None
+        self._bundle: pmui.FileDownload | None = None
         self._tray = pn.Column(sizing_mode=WIDE, margin=0, visible=False, css_classes=["sd-tray"])
+        self._pinned = pn.Column(
+            margin=0, visible=False, styles={"flex": "1 1 380px", "min-width": "0"}, css_classes=["sd-pinned"]
+        )
+        self._pins: dict[str, Any] = page.session.pinned if page is not None else {}
+        self._show_pinned()
         head = pn.FlexBox(
             heading,
-            self._opener,
+            pn.Row(self._pinner, self._opener, margin=0, styles={"flex": "none"}),
             align_items="center",
             justify_content="space-between",
             flex_wrap="nowrap",
@@ -317,7 +356,13 @@ class FigureCard:
         )
         self.view = pn.Column(
             *([] if bare else [head, self._tray]),
-            figure_grid(figures),
+            pn.FlexBox(
+                pn.Column(figure_grid(figures), margin=0, styles={"flex": "1 1 380px", "min-width": "0"}),
+                self._pinned,
+                gap="8px 12px",
+                sizing_mode=WIDE,
+                margin=0,
+            ),
             *([legend] if legend else []),
             self._sentence,
             sizing_mode=WIDE,
@@ -333,24 +378,96 @@ class FigureCard:
         a figure that is not there yet has none.
         """
         self._sentence.text = sentence
-        for file in (self._opener, *self._downloads):
+        for file in (self._opener, self._pinner, *self._downloads):
             file.disabled = not (sentence and ready)
         self._list()
+
+    def pin(self) -> None:
+        """Keep the figure as it is now, with what it says, beside what controls will make of it."""
+        about = self.about()
+        alt = f"Pinned: {' '.join(about.caption)}. {self.words}"
+        search = self._page.session.search if self._page is not None else ""
+        self._pins[self.name] = (self.files["png"](), alt, self.words, search)
+        self._show_pinned()
+
+    def unpin(self) -> None:
+        """Let go of what is pinned."""
+        self._pins.pop(self.name, None)
+        self._show_pinned()
+
+    def _show_pinned(self) -> None:
+        """The view that was pinned, also where the page was built anew since."""
+        pinned = self._pins.get(self.name)
+        self._pinned.visible = pinned is not None
+        if pinned is None:
+            self._pinned.clear()
+            return
+        image, alt, words, search = pinned
+        ground = {"background": "#ffffff", "border-radius": "4px"}
+        away = pmui.Button(
+            label="Take the pinned view away",
+            on_click=lambda _: self.unpin(),
+            variant="text",
+            size="small",
+            margin=0,
+            css_classes=["sd-unpin"],
+            sx={"textTransform": "none", "minHeight": "32px"},
+        )
+        self._pinned[:] = [
+            away,
+            pn.pane.PNG(image, alt_text=alt, sizing_mode=WIDE, styles=ground),
+            Html(words, margin=0, styles={"font": "14px/1.5 Roboto, sans-serif"}),
+            Links(links=[["Show these settings again", search]], margin=0),
+        ]
+
+    @property
+    def words(self) -> str:
+        """The sentence under the figure."""
+        return self._sentence.text
+
+    @property
+    def ready(self) -> bool:
+        """Whether there is something to download."""
+        return not self._opener.disabled
+
+    def about(self) -> About:
+        """What the files say of themselves now."""
+        return about(self._page, self._title)
+
+    def filename(self, kind: str) -> str:
+        """Name of a file as it would be now: it tells figure, classes and settings."""
+        return f"{self.about().stem(self.name)}.{kind}"
+
+    def _image(self, kind: str, drawn: Callable[[], Any], marks: Sequence[Mark]) -> bytes:
+        return publish(drawn(), kind, self.about(), marks)
 
     def _toggle(self) -> None:
         """Show or hide the files and the code."""
         if self._listing is None:
-            self._downloads = [
-                download(f"streamdash-{self._name}.{kind}", kind, make) for kind, make in self.files.items()
-            ]
+            self._downloads = [download(self.filename(kind), kind, make) for kind, make in self.files.items()]
             self._listing = Html(stylesheets=[CODE_STYLE], margin=0, css_classes=["sd-code"])
-            self._tray[:] = [pn.Row(*self._downloads, margin=0), self._listing]
+            everything = []
+            if self._page is not None:
+                page = self._page
+                self._bundle = download(self._bundle_name(), "zip", lambda: bundle(page.bundled))
+                self._bundle.label = "All of this page (ZIP)"
+                everything.append(self._bundle)
+            row = pn.FlexBox(*self._downloads, *everything, gap="4px", sizing_mode=WIDE, margin=0)
+            self._tray[:] = [row, self._listing]
         self._tray.visible = not self._tray.visible
         self._list()
 
+    def _bundle_name(self) -> str:
+        key = self._page.key if self._page is not None else self.name
+        return f"{self.about().stem(key)}.zip"
+
     def _list(self) -> None:
         if self._tray.visible and self._listing is not None:
-            self._listing.write(fill('<pre tabindex="0"><code>{{ code }}</code></pre>', code=self._code()))
+            if self._bundle is not None:
+                self._bundle.filename = self._bundle_name()
+            for file, kind in zip(self._downloads, self.files, strict=True):
+                file.filename = self.filename(kind)
+            self._listing.write(fill('<pre tabindex="0"><code>{{ code }}</code></pre>', code=self.code()))
 
 
 def folded(title: str, parts: Sequence[Viewable], name: str, **params: Any) -> Viewable:
@@ -366,7 +483,7 @@ def folded(title: str, parts: Sequence[Viewable], name: str, **params: Any) -> V
 
 def document(title: str, markdown: str, name: str) -> Viewable:
     """A longer text of ours, closed until somebody opens it; ``sd-<name>`` is its class."""
-    text = pn.pane.Markdown(markdown, renderer_options={"html": False}, sizing_mode=WIDE, margin=(0, 8))
+    text = Html(from_markdown(markdown), stylesheets=[DOCUMENT_STYLE], margin=(0, 8))
     return folded(title, [text], name)
 
 

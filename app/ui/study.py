@@ -13,10 +13,11 @@ import panel as pn
 from panel.viewable import Viewable
 
 from app import ui
+from app.page import Page
 from app.ui.browser import LiveText
 from app.ui.templates import fill
 from app.work.tasks import Compute, Task, Watch, Work
-from streamdash.plots.live import Backend, LiveFigure, export
+from streamdash.plots.live import Backend, LiveFigure
 
 
 class TaskControls:
@@ -127,8 +128,8 @@ class StudyCard:
     when the button is pressed.
     """
 
-    def __init__(self, study: Study, work: Work, n_classes: int) -> None:
-        self.study, self.work, self.n_classes = study, work, n_classes
+    def __init__(self, study: Study, work: Work, page: Page) -> None:
+        self.study, self.work = study, work
         self.result: Any = None
         self.watch = Watch(self._show)
         self.controls = TaskControls("Compute", self.start, self.watch.cancel, study.name)
@@ -146,10 +147,11 @@ class StudyCard:
             study.title,
             self.figure,
             name=study.name,
-            image=lambda kind: export(study.draw(self._ready(), "matplotlib"), kind),
+            page=page,
+            drawn=lambda: study.draw(self._ready(), "matplotlib"),
             table=lambda: study.table(self._ready()),
             code=study.code,
-            legend=ui.legend(study.legend, n_classes) if study.legend else None,
+            legend=ui.legend(study.legend, page.session.configs) if study.legend else None,
         )
         self.card.view.visible = False
         words = ui.Html(

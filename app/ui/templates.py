@@ -11,9 +11,10 @@ from typing import Any, ClassVar
 
 import panel as pn
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markdown_it import MarkdownIt
 from markupsafe import Markup, escape
 
-from streamdash.naming import class_colour
+from streamdash.words import SUBSCRIPT
 
 TEMPLATES = Environment(
     loader=FileSystemLoader(Path(__file__).resolve().parents[1]),
@@ -23,7 +24,8 @@ TEMPLATES = Environment(
     lstrip_blocks=True,
     auto_reload=False,
 )
-TEMPLATES.globals["class_colour"] = class_colour
+MARKDOWN = MarkdownIt("commonmark", {"html": False}).enable("table")
+TAGS = re.compile(r"(<pre.*?</pre>|<[^>]*>)", re.DOTALL)
 SCROLLS = """
 .wide { overflow-x: auto; --sd-ground: var(--mui-palette-background-paper, Canvas);
   background:
@@ -35,6 +37,7 @@ SCROLLS = """
 """What is wider than its place scrolls, and a shadow lies on the side on which there is more of it."""
 TABLE_STYLE = f"""
 {SCROLLS}
+sub {{ font-size: 0.75em; line-height: 0; }}
 table {{ border-collapse: collapse; font: 14px/1.4 Roboto, sans-serif; width: 100%; }}
 caption {{ text-align: left; padding: 4px 8px; font-weight: 500; }}
 th, td {{ padding: 4px 8px; text-align: right; vertical-align: top; white-space: nowrap; }}
@@ -60,8 +63,23 @@ def literally(text: str) -> str:
     return re.sub(r"([!-/:-@\[-`{-~])", r"\\\1", text)  # all of ASCII's punctuation
 
 
+def subscripted(html: str) -> str:
+    """HTML in which ``σ_ε`` and the like have real subscripts; tags and listings stay as they are."""
+    parts = TAGS.split(html)
+    return "".join(
+        SUBSCRIPT.sub(r"\1<sub>\2</sub>", part) if i % 2 == 0 else part for i, part in enumerate(parts)
+    )
+
+
+def from_markdown(text: str) -> Markup:
+    """HTML of a text of ours in Markdown; HTML in it is shown as text."""
+    return Markup(MARKDOWN.render(text))  # noqa: S704 - escaped by the renderer
+
+
 class Html(pn.pane.HTML):
     """Shows HTML from a template as such and any other text as text, whoever wrote it.
+
+    What is written ``σ_ε`` is shown with a real subscript.
 
     Parameters
     ----------
@@ -72,8 +90,8 @@ class Html(pn.pane.HTML):
     priority: ClassVar[float | bool | None] = False  # not Panel's choice for what stands in a layout
 
     def __init__(self, content: str = "", **params: Any) -> None:
-        super().__init__(str(escape(content)), **{"sizing_mode": "stretch_width", **params})
+        super().__init__(subscripted(str(escape(content))), **{"sizing_mode": "stretch_width", **params})
 
     def write(self, content: str) -> None:
         """Show something else: what `render` and `fill` return, or text."""
-        self.object = str(escape(content))
+        self.object = subscripted(str(escape(content)))

@@ -3,35 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import panel_material_ui as pmui
 
 from app.session.catalog import Choice
 from app.ui.layout import WIDE
 from app.ui.templates import Html, fill, literally, render
-from streamdash.config import StreamModel
-from streamdash.naming import CLASS_COLOURS, class_colour
+from streamdash.config import EnsembleConfig, StreamModel
+from streamdash.naming import class_colours
+from streamdash.plots.legend import Mark, marks
 from streamdash.streams import stream_of
 
 LEGEND_STYLE = """
 .legend { display: flex; flex-wrap: wrap; gap: 4px 18px; font: var(--sd-type, 13px)/1.5 Roboto, sans-serif; }
 .item { display: inline-flex; align-items: center; gap: 6px; }
-.swatch { display: inline-block; width: 24px; height: 2px; }
-.image { height: 10px; background: linear-gradient(#8080801a, #808080e0, #8080801a); }
-.band { height: 10px; background: var(--classes); opacity: 0.4; }
-.line { background: var(--classes); }
-.ink { height: 3px; background: currentColor; }
-.dashes { height: 0; border-top: 2px dashed currentColor; }
-.grey { height: 10px; background: #80808040; }
-.frame { height: 8px; border: 2px solid currentColor; border-width: 0 2px; width: 12px; }
-.none { display: none; }
-.hand { height: 3px; background: #C77C00; }
-.dots-grey { height: 6px; width: 6px; border-radius: 3px; background: #808080; }
-.dots { height: 8px; border-radius: 4px; background: var(--classes); }
-""" + "".join(
-    f".class-{i} {{ height: 3px; background: {colour}; }}\n" for i, colour in enumerate(CLASS_COLOURS)
-)
+.swatch { flex: none; }
+"""
 
 
 def plain_text(text: str, **params: Any) -> Html:
@@ -44,13 +32,15 @@ def caption(text: str) -> pmui.Typography:
     return pmui.Typography(literally(text), variant="caption", margin=0)
 
 
-def class_heading(index: int, choice: Choice, which: str = "") -> Html:
+def class_heading(index: int, choices: Sequence[Choice], which: str = "") -> Html:
     """Name of a class with its colour: ``■ M0 · 10³–10⁵ M☉ · 2000 streams``; ``which`` arm, if any."""
+    choice = choices[index]
     line = fill(
         """<div style="font: 500 15px/1.5 Roboto, sans-serif">\
-{% from "ui/macros.html" import mark %}{{ mark(i) }} M{{ i }} · {{ label }} · {{ n }} streams\
+{% from "ui/macros.html" import mark %}{{ mark(colour) }} M{{ i }} · {{ label }} · {{ n }} streams\
 {% if which %} · {{ which }}{% endif %}</div>""",
         i=index,
+        colour=class_colours([one.config for one in choices])[index],
         label=choice.label,
         n=choice.config.n_streams,
         which=which,
@@ -80,25 +70,26 @@ def heading(text: str) -> Html:
     )
 
 
-def legend(entries: Sequence[tuple[str, str]], classes: int) -> Html:
-    """A line of swatches and words above a figure.
+class Legend(Html):
+    """A line of marks and words under a figure; `marks` are what a file of the figure says too."""
+
+    marks: ClassVar[tuple[Mark, ...]] = ()
+
+
+def legend(entries: Sequence[tuple[str, str]], classes: Sequence[EnsembleConfig | str] = ()) -> Legend:
+    """A line of marks and words under a figure.
 
     Parameters
     ----------
     entries
-        Kind of swatch and words; kinds are ``image``, ``band``, ``line``, ``ink``, ``dashes``,
-        ``grey``, ``frame``, ``dots``, ``dots-grey``, ``hand`` (a fly-by chosen by hand), ``class-0`` and
-        so on (a line in the colour of one class) and ``none``.
-        Bands, lines and dots show the colours of all classes.
+        Kind and words of each; for the kinds see `streamdash.plots.legend`.
     classes
-        Number of classes shown.
+        The classes shown, for their colours; none where the figure shows none.
     """
-    share = 100 / max(classes, 1)
-    stripes = ", ".join(
-        f"{class_colour(i)} {i * share:.0f}% {(i + 1) * share:.0f}%" for i in range(max(classes, 1))
-    )
-    items = render("ui/legend.html", entries=entries, stripes=stripes)
-    return Html(items, stylesheets=[LEGEND_STYLE], margin=(4, 0))
+    shown = marks(entries, class_colours(classes))
+    line = Legend(render("ui/legend.html", marks=shown), stylesheets=[LEGEND_STYLE], margin=(4, 0))
+    line.marks = shown  # type: ignore[misc]
+    return line
 
 
 def message(sentences: Sequence[str], kind: str = "info") -> pmui.Alert:

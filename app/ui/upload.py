@@ -43,6 +43,7 @@ class FileDrop(JSComponent):
     """
 
     limit = param.Integer(MAX_BYTES, doc="largest file in bytes, for the browser alone: a client can set it")
+    kept = param.String(doc="name of a file that was chosen before and is the one shown")
     too_large = param.String(doc="what the browser says about a larger one")
 
     def __init__(
@@ -85,7 +86,16 @@ class FileDrop(JSComponent):
       input.accept = ".csv,.tsv,.txt,.dat,.ecsv,.vot,.xml,.fits,.fit,.mrt,.tbl,text/*"
       const problem = document.createElement("p")
       problem.setAttribute("role", "alert")
-      label.append(words, input, problem)
+      // After the page was built anew the browser's own field is empty, though a file is shown.
+      const kept = document.createElement("span")
+      kept.className = "kept"
+      const keep = () => {
+        kept.textContent = model.kept ? `${model.kept} is shown` : ""
+        input.classList.toggle("blank", Boolean(model.kept) && !input.files.length)
+      }
+      model.on("kept", keep)
+      keep()
+      label.append(words, input, kept, problem)
       let turn = 0
       // The field does not name a file that is not the one shown.
       const refuse = (sentence) => { problem.textContent = sentence; input.value = "" }
@@ -95,6 +105,8 @@ class FileDrop(JSComponent):
         if (files.length > 1) { return refuse("Several files: choose one.") }
         const file = files[0]
         if (file.size > model.limit) { return refuse(model.too_large) }
+        model.kept = ""
+        keep()
         const mine = ++turn
         model.send_msg({chosen: file.name})
         const reader = new FileReader()
@@ -135,7 +147,10 @@ class FileDrop(JSComponent):
         .drop.over { border-color: #e69f00; }
         .drop input { font: inherit; max-width: 100%; }
         .drop p { margin: 0; flex-basis: 100%; color: #d64533; }
-        .drop p:empty { display: none; }
+        .drop p:empty, .kept:empty { display: none; }
+        .kept { font-weight: 500; }
+        /* Its button stays, its "No file chosen" does not. */
+        .blank { color: transparent; width: 120px; }
         """
     ]
 

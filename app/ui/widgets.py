@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -13,11 +13,14 @@ from panel.viewable import Viewable
 
 from app.borrowed import gather_events_for
 from app.page import Page
-from app.session.catalog import CLASSES_MAX, CLASSES_MIN, Stream
+from app.session.catalog import CLASSES_MAX, CLASSES_MIN, Choice, Stream
+from app.ui.browser import LiveText
 from app.ui.layout import WIDE, controls
+from app.ui.templates import literally
 from app.ui.text import caption, plain_text
 from streamdash.config import StreamModel
 from streamdash.naming import class_colour
+from streamdash.plots.live import LiveFigure
 from streamdash.plots.style import noise_label
 from streamdash.streams import stream_of
 
@@ -28,6 +31,7 @@ MENU_STYLE = f"""
 .bk-input-group > label {{ background: var(--sd-ground, var(--mui-palette-background-default)) !important; }}
 select.bk-input {{ background-image: url("data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' \
 width='12' height='12'%3E{_ARROW}%3C/svg%3E") !important; }}
+select.bk-input:focus-visible {{ outline: 3px solid #e69f00 !important; outline-offset: 2px; }}
 """
 """The browser's own menu, with an arrow that is seen on any ground; Panel's is black. Its label lies on the
 frame and has the ground of the panel that it stands in."""
@@ -38,6 +42,10 @@ TOGGLE_STYLE = {
     # In one row where they fit; together as wide as there is room.
     "& button": {"flex": "1 1 auto", "width": "auto", "whiteSpace": "nowrap", "padding": "5px 8px"},
 }
+FEW_BANDS = 2
+"""Bands that can lie over one another."""
+TOO_FEW = f"At least {CLASSES_MIN} are compared: choose another one before you take this one away."
+TOO_MANY = f"At most {CLASSES_MAX} are compared: take one away before you choose another."
 PICKER_STYLE = {
     "display": "flex",
     "flexWrap": "wrap",
@@ -164,18 +172,22 @@ def ensemble_picker(page: Page) -> Viewable:
         sx=PICKER_STYLE,
     )
 
+    refusal = LiveText(margin=0, sizing_mode=WIDE, css_classes=["sd-mass-refusal"])
+
     def picked(event: param.parameterized.Event) -> None:
         stream = session.catalog.stream(session.stream)
         keys = [choice.key for choice in (stream.ensembles if stream else ())]
         if min(CLASSES_MIN, len(keys)) <= len(event.new) <= CLASSES_MAX:
+            refusal.text = ""
             session.mass = [key for key in keys if key in event.new]
-        else:
+        elif set(event.new) != set(session.mass):
+            refusal.text = TOO_FEW if len(event.new) < CLASSES_MIN else TOO_MANY
             widget.value = list(session.mass)
 
     widget.param.watch(picked, "value")
     page.follow("catalog", lambda: widget.param.update(options=options()))
     heading = caption(f"Mass ranges of the perturbers ({CLASSES_MIN} to {CLASSES_MAX})")
-    return pn.Column(heading, widget, margin=(4, 10), sizing_mode=WIDE)
+    return pn.Column(heading, widget, refusal, margin=(4, 10), sizing_mode=WIDE)
 
 
 def noise_slider(page: Page) -> pmui.FloatSlider:
@@ -184,27 +196,56 @@ def noise_slider(page: Page) -> pmui.FloatSlider:
     return slider(page, "noise", noise_label(stream.model if stream else StreamModel()))
 
 
+def band_picker(page: Page) -> list[Viewable]:
+    """Whose band is drawn, where there are more than two classes: four over one another are mud."""
+    count = len(page.session.ensembles)
+    if count <= FEW_BANDS:
+        return []
+    page.session.focus = min(page.session.focus, count)
+    options = {"All": 0, **{f"M{i}": i + 1 for i in range(count)}}
+    return [toggle(page, "focus", "Band of", options)]
+
+
+def show_bands(page: Page, live: LiveFigure) -> None:
+    """Show the bands that were asked for; medians stay."""
+    count, focus = len(page.session.ensembles), page.session.focus
+    for m in range(count):
+        live.show(f"band {m}", count <= FEW_BANDS or focus in (0, m + 1))
+
+
 def button(label: str, action: Callable[[], Any], **params: Any) -> pmui.Button:
     """A button that calls ``action()``."""
     return pmui.Button(label=label, on_click=lambda _: action(), variant="outlined", **params)
 
 
-def class_button(index: int, label: str, action: Callable[[], Any], **params: Any) -> pmui.Button:
-    """A button in the colour of a class."""
+def class_button(
+    index: int, classes: Sequence[Choice], action: Callable[[], Any], **params: Any
+) -> pmui.Button:
+    """A button in the colour of one of the classes."""
     style = {
-        "borderColor": class_colour(index),
+        "borderColor": class_colour(index, [choice.config for choice in classes]),
         "borderWidth": 3,
         "textTransform": "none",
         "color": "inherit",
     }
-    return button(f"M{index} · {label}", action, sx=style, margin=(4, 10), **params)
+    return button(f"M{index} · {classes[index].label}", action, sx=style, margin=(4, 10), **params)
 
 
-def text_field(page: Page, name: str, label: str, help: str, placeholder: str = "") -> Viewable:
-    """A line of text with a line of help below it."""
-    options = {"size": "small", "sizing_mode": WIDE, "margin": 0, "css_classes": [f"sd-{name}"]}
-    widget = page.bind(name, pmui.TextInput(label=label, placeholder=placeholder, **options))
-    return pn.Column(widget, caption(help), sizing_mode=WIDE, margin=(4, 10))
+class TextField:
+    """A line of text with a line of help below it, in whose place `say` puts what is wrong."""
+
+    def __init__(self, page: Page, name: str, label: str, help: str, placeholder: str = "") -> None:
+        options = {"size": "small", "sizing_mode": WIDE, "margin": 0, "css_classes": [f"sd-{name}"]}
+        self.label, self._help = label, help
+        self.widget = page.bind(name, pmui.TextInput(label=label, placeholder=placeholder, **options))
+        self.below = caption(help)
+        self.view = pn.Column(self.widget, self.below, sizing_mode=WIDE, margin=(4, 10))
+
+    def say(self, wrong: str) -> None:
+        """Mark the text as wrong and say why; an empty sentence takes that back."""
+        self.widget.error_state = bool(wrong)
+        self.below.object = literally(wrong or self._help)
+        self.below.sx = {"color": "error.main"} if wrong else {}
 
 
 def _sized(name: str, params: dict[str, Any]) -> dict[str, Any]:

@@ -29,6 +29,7 @@ from streamdash.statistics.bispectrum import Bispectrum, bispectrum
 from streamdash.statistics.cumulative import cumulative_tables
 from streamdash.statistics.evidence import Rules, measured_evidence
 from streamdash.statistics.evidence_growth import Growth, growth
+from streamdash.statistics.evidence_noise import AgainstNoise, against_noise
 from streamdash.store.cache import StoreError
 from streamdash.survey.flyby import Scene, make_film
 from streamdash.survey.observed import ObservedStreams
@@ -177,6 +178,13 @@ def tables_of(
         rules=rules,
         redraw=lambda number: noisy_profiles(results, choices, noise, number),
     )
+
+
+def against_noise_of(
+    results: Results, choices: Sequence[Choice], n_bin: int, rules: Rules, fiducial: int
+) -> dict[int, AgainstNoise]:
+    """The evidence for the fiducial class against each other class, at several noises."""
+    return against_noise(lambda noise: noisy_profiles(results, choices, noise), n_bin, rules, fiducial)
 
 
 def growth_of(

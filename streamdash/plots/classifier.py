@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from streamdash.classifier.train import Judged
-from streamdash.naming import class_colour, label_text
+from streamdash.naming import ACCENT, class_colour, class_colours, label_text
 from streamdash.plots.elements import GREY, error_bars, framed, line, points
 from streamdash.plots.live import TOOLS, Backend, Columns, use
 from streamdash.plots.style import INK, coordinate_label
@@ -47,7 +47,7 @@ def draw_matrix(
     cells, texts = [], []
     for i in range(n_classes):
         for j in range(n_classes):
-            colour = f"{class_colour(i)}{round(20 + 225 * shares[i, j]):02x}"
+            colour = f"{class_colour(i, judged.classifier.card.labels)}{round(20 + 225 * shares[i, j]):02x}"
             cells.append((j - 0.48, -i - 0.46, j + 0.48, -i + 0.46, colour))
             ink = "#ffffff" if shares[i, j] > 0.45 else INK["dark" if dark else "light"]
             words = f"{judged.scores.counts[i, j]}\n{100 * shares[i, j]:.1f} %"
@@ -148,7 +148,8 @@ def draw_roc(judged: Judged, backend: Backend) -> hv.Overlay:
     use(backend)
     fpr, tpr = roc(judged.y, judged.probability)
     parts: list[hv.Element] = [line("chance", np.array([0, 1]), np.array([0, 1]), GREY, backend, dashed=True)]
-    parts += [line(f"class {c}", fpr, rate, class_colour(c), backend) for c, rate in enumerate(tpr)]
+    colours = class_colours(judged.classifier.card.labels)
+    parts += [line(f"class {c}", fpr, rate, colours[c], backend) for c, rate in enumerate(tpr)]
     overlay = framed(parts, "False positives, share", "True positives, share", (-0.01, 1), (0, 1.02), backend)
     return overlay.opts(**TOOLS, backend=backend) if backend == "bokeh" else overlay
 
@@ -178,9 +179,9 @@ def draw_calibration(judged: Judged, backend: Backend) -> hv.Overlay:
     high = np.clip(curve.accuracy + curve.error, 0, 1)
     parts = [
         line("honest", np.array([0, 1]), np.array([0, 1]), GREY, backend, dashed=True),
-        error_bars("error", curve.confidence, low, high, class_colour(0), backend),
+        error_bars("error", curve.confidence, low, high, ACCENT, backend),
         *_single(judged, backend),
-        points("bins", curve.confidence, curve.accuracy, class_colour(0), backend),
+        points("bins", curve.confidence, curve.accuracy, ACCENT, backend),
     ]
     least = 1 / len(judged.scores.counts) - 0.03
     overlay = framed(
@@ -263,7 +264,15 @@ def draw_doubt(judged: Judged, backend: Backend) -> hv.Overlay:
     ]
     for c in range(n_classes):
         count = (doubt[judged.y == c][:, None] >= x).sum(axis=0).astype(float)
-        parts.append(line(f"class {c}", x, np.where(count > 0, count, np.nan), class_colour(c), backend))
+        parts.append(
+            line(
+                f"class {c}",
+                x,
+                np.where(count > 0, count, np.nan),
+                class_colour(c, judged.classifier.card.labels),
+                backend,
+            )
+        )
     overlay = framed(
         parts,
         "Doubt: probability of the wrong classes",
@@ -319,9 +328,9 @@ def draw_streams(
         return np.insert(values, starts, np.nan)  # lifts the pen from arm to arm
 
     where = between(streams.centers)
-    shown = []
+    shown, colours = [], class_colours(streams.configs)
     for row, c, i in zip(rows, owner, index, strict=False):
-        clean = line("stream", where, between(streams.clean[row]), class_colour(c), backend)
+        clean = line("stream", where, between(streams.clean[row]), colours[c], backend)
         noisy = line("observed", where, between(observed[row]), GREY, backend)
         if backend == "bokeh":
             noisy = noisy.opts(line_width=0.8, backend=backend)

@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 
 from streamdash.classifier.studies import Contender, Curve, Grid, Importance
-from streamdash.naming import class_colour
+from streamdash.naming import ACCENT, class_colours
 from streamdash.plots.classifier import class_names
 from streamdash.plots.elements import GREY, error_bars, framed, level_lines, line, points, step_area
 from streamdash.plots.live import TOOLS, Backend, use
-from streamdash.plots.style import coordinate_label, coordinate_symbol
+from streamdash.plots.style import HAND, coordinate_label, coordinate_symbol
 
 SIZE_LABEL = "Simulated streams per class"
 WORTH = 0.01
@@ -25,14 +25,15 @@ DEAD = 0.9
 # ---------------------------------------------------------------- learning and noise curves
 
 
-def draw_curve(curve: Curve, xlabel: str, backend: Backend, logarithmic: bool = False) -> hv.Overlay:
+def draw_curve(
+    curve: Curve, labels: Sequence[str], xlabel: str, backend: Backend, logarithmic: bool = False
+) -> hv.Overlay:
     """Accuracy (grey, thick) and recall per class (in class colours), with bootstrap errors."""
     use(backend)
-    n_classes = curve.recall.shape[1]
     parts: list[hv.Element] = []
-    for c in range(n_classes):
+    for c, colour in enumerate(class_colours(labels)):
         parts += _with_errors(
-            f"class {c}", curve.x, curve.recall[:, c], curve.recall_error[:, c], class_colour(c), backend
+            f"class {c}", curve.x, curve.recall[:, c], curve.recall_error[:, c], colour, backend
         )
     parts += _with_errors("accuracy", curve.x, curve.accuracy, curve.accuracy_error, GREY, backend)
     low, high = curve.x.min(), curve.x.max()
@@ -110,7 +111,7 @@ def draw_importance(found: Importance, backend: Backend) -> hv.Overlay:
     middle = 0.5 * (found.edges[:-1] + found.edges[1:])
     low, high = found.log_loss - found.log_loss_error, found.log_loss + found.log_loss_error
     parts = [
-        step_area("blocks", found.edges, np.zeros(len(middle)), found.log_loss, class_colour(0), backend),
+        step_area("blocks", found.edges, np.zeros(len(middle)), found.log_loss, ACCENT, backend),
         error_bars("error", middle, low, high, GREY, backend),
         level_lines("zero", [0.0], backend, dashed=False),
     ]
@@ -159,14 +160,14 @@ def draw_grid(grid: Grid, backend: Backend) -> hv.Overlay:
     parts: list[hv.Element] = []
     for d, depth in enumerate(grid.depths):
         shade = 0.25 + 0.75 * d / max(1, len(grid.depths) - 1)
-        colour = f"{class_colour(0)}{round(255 * shade):02x}"
+        colour = f"{ACCENT}{round(255 * shade):02x}"
         parts.append(line(f"depth {depth}", grid.n_trees, grid.accuracy[d], colour, backend))
         parts.append(points(f"points {depth}", grid.n_trees, grid.accuracy[d], colour, backend, size=5))
     chosen = grid.settings.boosting
     d = int(np.flatnonzero(grid.depths == chosen.max_depth)[0])
     s = int(np.flatnonzero(grid.n_trees == chosen.n_estimators)[0])
     best = (np.array([grid.n_trees[s]]), np.array([grid.accuracy[d, s]]))
-    parts.append(points("chosen", *best, class_colour(1), backend, size=12))
+    parts.append(points("chosen", *best, HAND, backend, size=12))
     ends = (0.0, float(grid.n_trees.max()) * 1.03)
     span = grid.accuracy.max() - grid.accuracy.min() + 0.01
     frame = (grid.accuracy.min() - 0.05 * span, grid.accuracy.max() + 0.05 * span)
@@ -202,16 +203,15 @@ def grid_sentence(grid: Grid) -> str:
 # ---------------------------------------------------------------- comparison of presets
 
 
-def draw_comparison(contenders: Sequence[Contender], backend: Backend) -> hv.Overlay:
+def draw_comparison(contenders: Sequence[Contender], labels: Sequence[str], backend: Backend) -> hv.Overlay:
     """Accuracy (grey) and recall per class (in class colours) of every contender, best at the top."""
     use(backend)
     ordered = _ordered(contenders)[::-1]
     place = np.arange(len(ordered))
-    n_classes = len(ordered[0].scores.counts)
     parts: list[hv.Element] = []
-    for c in range(n_classes):
+    for c, colour in enumerate(class_colours(labels)):
         recall = np.array([k.scores.values["recall"][c] for k in ordered])
-        parts.append(points(f"class {c}", recall, place, class_colour(c), backend, size=8))
+        parts.append(points(f"class {c}", recall, place, colour, backend, size=8))
     accuracy = np.array([k.scores.values["overall_accuracy"] for k in ordered])
     parts.append(points("accuracy", accuracy, place, GREY, backend, size=13))
     least = min(k.scores.values["recall"].min() for k in ordered) - 0.02

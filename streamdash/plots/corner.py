@@ -226,7 +226,7 @@ def _wdm_axis(plot: Any, _element: Any) -> None:
         below = plot.state.below[0]
         if not plot.state.above:  # hooks run again whenever a figure is updated
             labels = {place: str(kev) for place, kev in zip(places, KEV, strict=True)}
-            twin = type(below)(ticker=places, major_label_overrides=labels, axis_label="m_WDM (keV)")
+            twin = type(below)(ticker=places, major_label_overrides=labels, axis_label="warm particle (keV)")
             plot.state.add_layout(twin, "above")
         return
     axis = plot.handles["axis"].secondary_xaxis("top")

@@ -24,7 +24,14 @@ UNRESOLVED = " (not all components resolved)"
 """Said of evidence from all bins together when some components have too few streams in common."""
 
 
-def draw(tables: Tables, fiducial: int, backend: Backend, title: str = "", paper: bool = False) -> hv.Overlay:
+def draw(
+    tables: Tables,
+    fiducial: int,
+    configs: Sequence[EnsembleConfig],
+    backend: Backend,
+    title: str = "",
+    paper: bool = False,
+) -> hv.Overlay:
     """Σ ln B for one fiducial against each other model, for several numbers of bins.
 
     Parameters
@@ -33,6 +40,8 @@ def draw(tables: Tables, fiducial: int, backend: Backend, title: str = "", paper
         Cumulative evidence per number of bins.
     fiducial
         Number of the model the data are assumed to come from.
+    configs
+        Configurations of the classes, M0 first.
     backend
         ``matplotlib`` for files, ``bokeh`` for the browser.
     title
@@ -43,7 +52,8 @@ def draw(tables: Tables, fiducial: int, backend: Backend, title: str = "", paper
     data = columns(tables, fiducial, paper)
     parts: list[hv.Element] = [level_lines("zero", [0.0], backend, dashed=False)]
     for j in rivals(tables, fiducial):
-        colour, total, joint, bars = class_colour(j), data[f"sum {j}"], data[f"joint {j}"], data[f"error {j}"]
+        colour = class_colour(j, configs)
+        total, joint, bars = data[f"sum {j}"], data[f"joint {j}"], data[f"error {j}"]
         parts.append(error_bars(f"error {j}", bars["base"], bars["lower"], bars["upper"], colour, backend))
         parts.append(line(f"sum {j}", total["x"], total["y"], colour, backend))
         parts.append(points(f"dots {j}", total["x"], total["y"], colour, backend))
@@ -53,7 +63,7 @@ def draw(tables: Tables, fiducial: int, backend: Backend, title: str = "", paper
             parts.append(_crosses(f"paper {j}", cross["x"], cross["y"], backend))
     ticks = [(place, str(table["n_bin"])) for place, table in enumerate(tables)]
     frame = ((-0.3, len(tables) - 0.7), y_frame(tables, fiducial, paper))
-    overlay = framed(parts, "N_bin: bins of Qρ", f"Σ ln B for M{fiducial}", *frame, backend, title)
+    overlay = framed(parts, "bins of Qρ", f"Σ ln B for M{fiducial}", *frame, backend, title)
     return overlay.opts(xticks=ticks, backend=backend)
 
 

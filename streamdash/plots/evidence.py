@@ -23,12 +23,18 @@ from streamdash.plots.elements import (
 )
 from streamdash.plots.live import Backend, Columns, use
 from streamdash.plots.pdf import BINS, EXCLUDED, Q_LABEL, frame
+from streamdash.plots.style import INK
 from streamdash.statistics.evidence import RULES, Comparison, compare, jeffreys
 from streamdash.statistics.evidence_growth import Growth
+from streamdash.statistics.evidence_noise import AgainstNoise
 from streamdash.store.cache import Cache
 from streamdash.survey.observed import ObservedStreams
 from streamdash.words import is_or_are, number_of
 
+NOW = "now"
+"""Label of the line at the noise chosen."""
+STRONG = 5.0
+"""Jeffreys' limit of strong evidence."""
 LEVELS = (-5.0, -2.5, -1.0, 1.0, 2.5, 5.0)
 """Jeffreys' limits of weak, moderate and strong evidence, drawn dashed."""
 APART = 0.16
@@ -102,7 +108,7 @@ def draw(
         level_lines("zero", [0.0], backend, dashed=False),
     ]
     for j in others(comparison, fiducial):
-        colour, dots, bars = class_colour(j), data[f"ln_b {j}"], data[f"error {j}"]
+        colour, dots, bars = class_colour(j, configs), data[f"ln_b {j}"], data[f"error {j}"]
         parts.append(error_bars(f"error {j}", bars["base"], bars["lower"], bars["upper"], colour, backend))
         parts.append(points(f"ln_b {j}", dots["x"], dots["y"], colour, backend))
     if backend == "bokeh":
@@ -153,13 +159,15 @@ def _bin_text(median: float, low: float, high: float, kept: bool) -> str:
 # ---------------------------------------------------------------- plot: growth with the streams
 
 
-def draw_growth(curves: Mapping[int, Growth], backend: Backend, title: str = "") -> hv.Overlay:
+def draw_growth(
+    curves: Mapping[int, Growth], configs: Sequence[EnsembleConfig], backend: Backend, title: str = ""
+) -> hv.Overlay:
     """Σ ln B from ever more simulated streams, one line for each model compared with."""
     use(backend)
     data = growth_columns(curves)
     parts: list[hv.Element] = []
     for j in curves:
-        colour, bars, dots = class_colour(j), data[f"error {j}"], data[f"growth {j}"]
+        colour, bars, dots = class_colour(j, configs), data[f"error {j}"], data[f"growth {j}"]
         parts.append(error_bars(f"error {j}", bars["base"], bars["lower"], bars["upper"], colour, backend))
         parts.append(line(f"growth {j}", dots["x"], dots["y"], colour, backend))
         parts.append(points(f"dots {j}", dots["x"], dots["y"], colour, backend))
@@ -190,6 +198,83 @@ def growth_frame(curves: Mapping[int, Growth]) -> tuple[tuple[float, float], tup
     high = max(float(b.max()) for _, b in ends)
     bottom = -nice_top(-low) if low < 0 else 0.0
     return (0.0, most * 1.04), (bottom, nice_top(max(high, 1.0)))
+
+
+# ---------------------------------------------------------------- plot: against the noise
+
+
+def draw_noise(
+    curves: Mapping[int, AgainstNoise], configs: Sequence[EnsembleConfig], noise: float, backend: Backend
+) -> hv.Overlay:
+    """Σ ln B against the shot noise, one line for each model compared with; the noise chosen is dashed."""
+    use(backend)
+    parts: list[hv.Element] = [level_lines("zero", [0.0], backend, dashed=False)]
+    tops, bottoms = [1.0], [0.0]
+    for j, curve in curves.items():
+        colour = class_colour(j, configs)
+        low, high = curve.low, curve.high
+        parts.append(error_bars(f"error {j}", curve.noise, low, high, colour, backend))
+        parts.append(line(f"against {j}", curve.noise, curve.value, colour, backend))
+        parts.append(points(f"dots {j}", curve.noise, curve.value, colour, backend))
+        tops.append(float(np.nanmax(high)))
+        bottoms.append(float(np.nanmin(low)))
+    top, low_end = nice_top(max(tops)), min(bottoms)
+    bottom = -nice_top(-low_end) if low_end < 0 else 0.0
+    now = noise_columns(noise, (bottom, top))[NOW]
+    parts.append(line(NOW, now["x"], now["y"], INK["light"], backend, dashed=True))
+    return framed(
+        parts,
+        "shot noise σ_ε per bin" if backend == "matplotlib" else "shot noise σ per bin",
+        "Σ ln B over bins",
+        (0.0, 1.02),
+        (bottom, top),
+        backend,
+    )
+
+
+def noise_columns(noise: float, ends: tuple[float, float]) -> dict[str, dict[str, np.ndarray]]:
+    """Arrays of the line at the noise chosen, from one end of the axis to the other."""
+    return {NOW: {"x": np.full(2, noise), "y": np.array(ends)}}
+
+
+def noise_table(curves: Mapping[int, AgainstNoise], fiducial: int) -> pd.DataFrame:
+    """The numbers of the figure against noise, one line per model compared with and noise."""
+    parts = [
+        pd.DataFrame(
+            {
+                "fiducial": f"M{fiducial}",
+                "against": f"M{j}",
+                "noise": curve.noise,
+                "sum_ln_bayes": curve.value,
+                "method_error_16": curve.low,
+                "method_error_84": curve.high,
+                "bins_in_sum": curve.n_kept,
+            }
+        )
+        for j, curve in curves.items()
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def noise_sentence(curves: Mapping[int, AgainstNoise], fiducial: int) -> str:
+    """Up to which noise the evidence is strong, in words."""
+    parts = []
+    for j, curve in curves.items():
+        strong = curve.value >= STRONG
+        if strong.all():
+            parts.append(f"against M{j} the evidence is strong at every noise shown")
+        elif not strong[0]:
+            parts.append(f"against M{j} it is not strong even at σ_ε = {curve.noise[0]:g}")
+        else:
+            last = int(np.argmin(strong))
+            parts.append(
+                f"against M{j} it is strong (Σ ln B of {STRONG:g} or more) up to σ_ε = "
+                f"{curve.noise[last - 1]:g} and no more at {curve.noise[last]:g}"
+            )
+    return (
+        f"Fiducial M{fiducial}: {'; '.join(parts)}. The sum ignores correlations between bins; "
+        "how accurate a classifier is at each noise is on the Classifier page."
+    )
 
 
 # ---------------------------------------------------------------- words and numbers

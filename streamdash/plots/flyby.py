@@ -13,7 +13,7 @@ from streamdash.engine.flyby import Film, Flyby, kick_along_stream
 from streamdash.engine.geometry import Geometry
 from streamdash.plots.elements import framed, level_lines, line, nice_top, points
 from streamdash.plots.live import Backend, use
-from streamdash.plots.style import INK, coordinate_label, rising_alpha
+from streamdash.plots.style import HAND, INK, coordinate_label, rising_alpha
 from streamdash.simulation.geometry import load_geometry
 from streamdash.store.cache import Cache
 from streamdash.survey.flyby import Scene, Seen, drops, make_film, see, struck
@@ -25,7 +25,7 @@ Rain = tuple[np.ndarray, np.ndarray]
 ALONG, ACROSS, TURN = "along", "across", "turn"
 CLEAN, NOISY, ALONE = "clean", "noisy", "alone"
 """Labels of elements."""
-HAND_COLOUR = "#C77C00"
+HAND_COLOUR = HAND
 """The fly-by in hand; none of the classes' colours."""
 GREY = "#808080"
 ANGLE_LABEL = "θ∥, angle from the progenitor (rad)"

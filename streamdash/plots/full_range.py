@@ -9,10 +9,13 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
-from streamdash.naming import class_colour
+from streamdash.naming import CLASS_COLOURS
 from streamdash.paper.full_range import SEEN
 from streamdash.plots.elements import GREY, framed, line, points
 from streamdash.plots.live import TOOLS, Backend, use
+
+NOISE_COLOURS = CLASS_COLOURS[4:] + CLASS_COLOURS[2:4]
+"""Of the lines of one noise each: none of a class that stands beside them."""
 
 
 def draw_full_range(results: Mapping[str, Any], backend: Backend) -> hv.Overlay:
@@ -29,7 +32,7 @@ def draw_full_range(results: Mapping[str, Any], backend: Backend) -> hv.Overlay:
         x, y = rows.excess.to_numpy(float), rows.information_bits.to_numpy(float)
         errors = rows.information_error_bits.to_numpy(float)
         ends = [np.array([[a, b - e], [a, b + e]]) for a, b, e in zip(x, y, errors, strict=True)]
-        colour, label = class_colour(i), f"σ_ε = {noise:g}"
+        colour, label = NOISE_COLOURS[i % len(NOISE_COLOURS)], f"shot noise {noise:g}"
         dots = points(f"at {noise:g}", x, y, colour, backend).opts(show_legend=False, backend=backend)
         bars = hv.Path(ends, label=f"errors {noise:g}").opts(color=colour, show_legend=False, backend=backend)
         parts += [bars, line(label, x, y, colour, backend), dots]

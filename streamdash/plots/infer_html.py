@@ -38,7 +38,7 @@ def infer_html(found: Inference) -> str:
     return TEMPLATES.get_template("infer.html").render(
         result=result,
         labels=LABELS,
-        profile=inline_svg(observe.draw(found.observation, None, "matplotlib")),
+        profile=inline_svg(observe.draw(found.observation, None, (), "matplotlib")),
         figures=figures,
         held_out=_held_out(found.estimator.card),
         data=json.dumps(result, indent=1, ensure_ascii=False),

@@ -23,7 +23,7 @@ Columns = Mapping[str, Mapping[str, np.ndarray]]
 """New data of a figure: element label → column name → array."""
 
 
-DOTS_PER_INCH = 180
+DOTS_PER_INCH = 300
 """Resolution of PNG files."""
 
 
@@ -150,6 +150,13 @@ class LiveFigure:
         for axis, ends in ((self.figure.x_range, x), (self.figure.y_range, y)):
             if ends is not None and (axis.start, axis.end) != ends:
                 axis.update(start=ends[0], end=ends[1])
+
+    def show(self, label: str, visible: bool) -> None:
+        """Show or hide one element."""
+        source = self.sources[label]
+        for renderer in self.figure.renderers:
+            if getattr(renderer, "data_source", None) is source and renderer.visible != visible:
+                renderer.visible = visible
 
     def set_ink(self, dark: bool) -> None:
         """Recolour the inked elements for a dark or a light page."""

@@ -8,7 +8,8 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
-from streamdash.naming import class_colour
+from streamdash.config import EnsembleConfig
+from streamdash.naming import class_colours
 from streamdash.observe.observation import Observation
 from streamdash.plots.elements import error_bars, framed, hover_spans, level_lines, nice_top, points
 from streamdash.plots.live import Backend, use
@@ -22,7 +23,11 @@ OBSERVED, BARS = "observed", "errors"
 
 
 def draw(
-    observation: Observation, bands: np.ndarray | None, backend: Backend, dark: bool = False
+    observation: Observation,
+    bands: np.ndarray | None,
+    classes: Sequence[EnsembleConfig | str],
+    backend: Backend,
+    dark: bool = False,
 ) -> hv.Overlay:
     """The measured values with their errors, over the 68 % band and median of every class.
 
@@ -31,6 +36,8 @@ def draw(
     observation : Observation
     bands : ndarray (n_classes, 3, n_bin) or None
         `streamdash.observe.verdict.Prepared.bands`; None draws the measurement alone.
+    classes : sequence of EnsembleConfig or str
+        The classes, or their names, for their colours.
     backend : {"bokeh", "matplotlib"}
     dark : bool
         Whether the page is dark.
@@ -40,7 +47,7 @@ def draw(
     ink = INK["dark" if dark else "light"]
     parts: list[hv.Element] = [level_lines("smooth", [1.0], backend)]
     for m, (low, median, high) in enumerate(bands if bands is not None else ()):
-        parts += _class(m, design.low, design.high, low, median, high, backend)
+        parts += _class(m, class_colours(classes)[m], design.low, design.high, low, median, high, backend)
     parts.append(error_bars(BARS, design.centers, q - design.sigma, q + design.sigma, ink, backend))
     parts.append(points(OBSERVED, design.centers, q, ink, backend, size=6))
     if backend == "bokeh":
@@ -93,6 +100,7 @@ def sentence(observation: Observation, bands: np.ndarray | None, names: Sequence
 
 def _class(
     m: int,
+    colour: str,
     left: np.ndarray,
     right: np.ndarray,
     low: np.ndarray,
@@ -101,7 +109,6 @@ def _class(
     backend: Backend,
 ) -> list[hv.Element]:
     """Band and median of a class, bin by bin, so that gaps stay empty."""
-    colour = class_colour(m)
     boxes = hv.Rectangles((left, low, right, high), label=f"band {m}")
     medians = hv.Segments((left, middle, right, middle), label=f"median {m}")
     if backend == "matplotlib":

@@ -22,7 +22,8 @@ STARS, OBJECT = "stars", "object"
 FREE, FORWARD, BACK = "free", "forward", "back"
 PATH = "path of {}"
 """Labels of elements."""
-PULLED_COLOURS = {FREE: INK["light"], FORWARD: HAND_COLOUR, BACK: "#0072B2"}
+BACK_COLOUR = "#7F6FC0"
+PULLED_COLOURS = {FREE: INK["light"], FORWARD: HAND_COLOUR, BACK: BACK_COLOUR}
 REACH = 35.0
 """How far the sky is shown around the stars that are hit (deg)."""
 

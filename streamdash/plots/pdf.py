@@ -37,6 +37,10 @@ LEVEL = 0.1
 FLAT = 0.2
 """Where that holds over more than this share of the axis, there is no peak to speak of."""
 EXCLUDED, SELECTED, BINS = "excluded", "selected", "bins"
+Y_LABELS = {
+    "bokeh": ("y: PDF(Qρ) in this bin", "Π(y|M)"),  # its text has no subscripts
+    "matplotlib": ("y_α: PDF(Qρ) in this bin", "Π(y_α|M)"),
+}
 Q_LABEL = "Qρ = ρ / ρ̄"
 
 
@@ -109,9 +113,9 @@ def draw(
     edges, bands = comparison.edges, comparison.bands
     parts = [grey_spans(EXCLUDED, *runs(edges, excluded_bins(comparison)), backend)]
     for m, band in enumerate(bands):
-        parts.append(step_area(f"band {m}", edges, band.low, band.high, class_colour(m), backend))
+        parts.append(step_area(f"band {m}", edges, band.low, band.high, class_colour(m, configs), backend))
     for m, band in enumerate(bands):
-        parts.append(step_line(f"median {m}", edges, band.median, class_colour(m), backend))
+        parts.append(step_line(f"median {m}", edges, band.median, class_colour(m, configs), backend))
     if backend == "bokeh":
         if selected is not None:
             parts.append(frame_span(SELECTED, edges[selected], edges[selected + 1]))
@@ -180,15 +184,15 @@ def draw_y(
     edges, heights = y_heights(comparison, selected)
     zero = np.zeros(len(edges) - 1)
     parts: list[hv.Element] = [
-        step_area(f"y {m}", edges, zero, h, class_colour(m), backend, outline=True)
+        step_area(f"y {m}", edges, zero, h, class_colour(m, configs), backend, outline=True)
         for m, h in enumerate(heights)
     ]
     if backend == "bokeh":
         names = [(label, f"@height{m}{{0.000}}") for m, label in enumerate(model_labels(configs))]
-        tips = [("y_α", "@x0{0.000} to @x1{0.000}"), *names]
+        tips = [("y in this bin", "@x0{0.000} to @x1{0.000}"), *names]
         parts.append(hover_spans(BINS, y_columns(comparison, selected)[BINS], tips))
     ranges = y_frame(comparison, selected)
-    return framed(parts, "y_α: PDF(Qρ) in this bin", "Π(y_α|M)", ranges["x"], ranges["y"], backend, title)
+    return framed(parts, Y_LABELS[backend][0], Y_LABELS[backend][1], ranges["x"], ranges["y"], backend, title)
 
 
 def y_heights(comparison: Comparison, selected: int) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from streamdash.config import EnsembleConfig
-from streamdash.naming import class_colour, class_labels, class_names
+from streamdash.naming import class_colours, class_labels, class_names
 from streamdash.plots.live import TOOLS, Backend, area_columns, use
 from streamdash.plots.style import INK, coordinate_label, rising_alpha
 from streamdash.store.cache import Cache
@@ -28,6 +28,7 @@ QUANTITY_LABELS = {
     "rho": "ρ (units of ρ̄ at the progenitor)",
     "omega": "⟨Ω∥⟩ (rad/Gyr)",
 }
+SHORT = {"q_rho": "Qρ", "rho": "ρ", "omega": "⟨Ω∥⟩"}
 SMOOTH, MEDIAN, BAND_LABEL, HIGHLIGHTS, STREAMS = "smooth", "median", "band", "highlighted", "streams"
 """Labels of a panel's elements."""
 
@@ -41,6 +42,7 @@ def profiles_figure(
     highlight: int = 3,
     seed: int = 0,
     backend: Backend = "matplotlib",
+    scale: str = "shared",
 ) -> hv.Layout:
     """One panel per ensemble: all profiles, some highlighted, median, 68 % band, smooth stream.
 
@@ -60,6 +62,8 @@ def profiles_figure(
         How many random streams to highlight, and the seed that picks them.
     backend
         ``matplotlib`` for files, ``bokeh`` for the browser.
+    scale
+        Vertical scale, one of `streamdash.survey.bands.SCALES`.
 
     Returns
     -------
@@ -70,7 +74,7 @@ def profiles_figure(
     # Compute
     numbers = [i for i, ensemble in enumerate(ensembles) for _ in arm_keys(ensemble)]
     panels = [
-        compute(binned, i, coordinate, noise, highlight, seed)
+        compute(binned, i, coordinate, noise, highlight, seed, scale)
         for i, binned in zip(numbers, profiles, strict=True)
     ]
     # Plot
@@ -80,11 +84,10 @@ def profiles_figure(
 # ---------------------------------------------------------------- plot
 
 
-def layout(panels: Sequence[Bands], backend: Backend) -> hv.Layout:
-    """All panels, two in a row."""
-    figure = hv.Layout([draw(p, backend, name) for p, name in zip(panels, names(panels), strict=True)]).cols(
-        2
-    )
+def layout(panels: Sequence[Bands], backend: Backend, colour: str = "") -> hv.Layout:
+    """All panels, two in a row, in the colours of their classes unless there is one for all."""
+    told = zip(panels, names(panels), colours(panels), strict=True)
+    figure = hv.Layout([draw(p, backend, name, colour or own) for p, name, own in told]).cols(2)
     if backend == "matplotlib":
         return figure.opts(sublabel_format="", hspace=0.3, vspace=0.2, backend=backend)
     return figure
@@ -98,10 +101,18 @@ def names(panels: Sequence[Bands]) -> list[str]:
     return [f"M{p.index} · {label}{arm}" for p, label, arm in zip(panels, labels, arms, strict=True)]
 
 
-def draw(panel: Bands, backend: Backend, title: str = "") -> hv.Overlay:
+def colours(panels: Sequence[Bands]) -> list[str]:
+    """Colour of each panel's class among those compared; both arms of a class have one."""
+    classes = {panel.index: panel.config for panel in panels}
+    by_index = dict(zip(classes, class_colours(list(classes.values())), strict=True))
+    return [by_index[panel.index] for panel in panels]
+
+
+def draw(panel: Bands, backend: Backend, title: str = "", colour: str = "") -> hv.Overlay:
     """Declare one panel; in the browser its data are then replaced by `columns`.
 
-    The title stands in files only: on the page it is the figure's heading.
+    The title stands in files only: on the page it is the figure's heading. The colour is that of
+    the class where it stands alone, unless given.
     """
     use(backend)
     x_name, y_name = panel.coordinate, panel.quantity
@@ -112,9 +123,9 @@ def draw(panel: Bands, backend: Backend, title: str = "") -> hv.Overlay:
     band = hv.Area((panel.x, panel.low, panel.high), x, ["low", "high"], label=BAND_LABEL)
     smooth = hv.Curve((panel.x, panel.smooth), x, y, label=SMOOTH)
     median = hv.Curve(data[MEDIAN], x_name, [y_name, "low", "high", "smooth"], label=MEDIAN)
-    chosen = hv.Curve(data[HIGHLIGHTS], x_name, [y_name, "stream"], label=HIGHLIGHTS)
+    chosen = hv.Curve(data[HIGHLIGHTS], x_name, [y_name, "stream", "impacts"], label=HIGHLIGHTS)
     # Not by group and label: a specification that fits nothing is ignored without a word.
-    styles = _styles(panel, backend, title)
+    styles = _styles(panel, backend, title, colour or class_colours([panel.config])[0])
     parts = [image, band, chosen, smooth, median]
     overlay = hv.Overlay([part.opts(backend=backend, **styles[part.label]) for part in parts])
     return overlay.opts(backend=backend, **styles["frame"])
@@ -141,18 +152,26 @@ def columns(panel: Bands) -> dict[str, dict[str, Any]]:
             x_name: np.tile(np.append(panel.x, np.nan), len(panel.streams)),
             y_name: lines.ravel(),
             "stream": np.repeat(panel.streams, length).astype(np.int32),
+            "impacts": np.repeat(panel.impacts, length).astype(np.int32),
         },
     }
 
 
-def _styles(panel: Bands, backend: Backend, title: str) -> dict[str, dict]:
+def scale_label(panel: Bands) -> str:
+    """Label of the vertical axis."""
+    label = QUANTITY_LABELS[panel.quantity]
+    short = SHORT[panel.quantity]
+    return {"log": f"log₁₀ {short}", "residual": f"{short} − median of the class"}.get(panel.scale, label)
+
+
+def _styles(panel: Bands, backend: Backend, title: str, colour: str) -> dict[str, dict]:
     """HoloViews options of each element, by label, and of the ``frame``."""
-    colour, ink = class_colour(panel.index), INK["light"]
+    ink = INK["light"]
     shades = {"cmap": rising_alpha(), "clim": (0, 255)}
     left, low, right, high = panel.extent
     frame: dict[str, Any] = {
         "xlabel": coordinate_label(panel.coordinate),
-        "ylabel": QUANTITY_LABELS[panel.quantity],
+        "ylabel": scale_label(panel),
         "xlim": (left, right),
         "ylim": (low, high),
         "show_legend": False,
@@ -175,7 +194,12 @@ def _styles(panel: Bands, backend: Backend, title: str) -> dict[str, dict]:
             "color": colour,
             "line_width": 1.2,
             "tools": ["hover"],
-            "hover_tooltips": [("stream number", "@stream"), where, (frame["ylabel"], value)],
+            "hover_tooltips": [
+                ("stream number", "@stream"),
+                ("impacts", "@impacts"),
+                where,
+                (frame["ylabel"], value),
+            ],
         },
         SMOOTH: {"color": ink, "line_dash": "dashed", "line_width": 1.5},
         MEDIAN: {
@@ -217,6 +241,7 @@ def table(panels: Sequence[Bands]) -> pd.DataFrame:
         for rank, line in enumerate(panel.highlighted):
             part[f"highlight_{rank + 1}"] = line
             part[f"highlight_{rank + 1}_stream"] = panel.streams[rank]
+            part[f"highlight_{rank + 1}_impacts"] = panel.impacts[rank]
         parts.append(pd.DataFrame(part))
     return pd.concat(parts, ignore_index=True)
 
@@ -241,9 +266,13 @@ def sentence(panels: Sequence[Bands]) -> str:
     for panel, name in zip(panels, names(panels), strict=True):
         half = float(np.mean(panel.high - panel.low)) / 2
         widths.append(f"{name}: ±{half:.2g}{unit}")
+    off = max(panel.off for panel in panels)
+    scale = {"log": " Shown is log₁₀ of it.", "residual": " Shown is what is left after each class's median."}
+    beyond = f" Up to {100 * off:.1f} % of the values of a class lie off the scale." if off >= 5e-4 else ""
     chosen = f" Coloured: {len(first.streams)} random streams of each class." if len(first.streams) else ""
     return (
         f"The {quantities[first.quantity]} along {axes.get(first.coordinate, own)}{noise}. "
         f"Half-width of the band that holds 68 % of the streams, averaged along the stream: "
-        f"{'; '.join(widths)}.{chosen} Mind the end at θ∥ below about {NEAR_PROGENITOR:g}. {PROGENITOR_WORDS}"
+        f"{'; '.join(widths)}.{scale.get(first.scale, '')}{beyond}{chosen} "
+        f"Mind the end at θ∥ below about {NEAR_PROGENITOR:g}. {PROGENITOR_WORDS}"
     )

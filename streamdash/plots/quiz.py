@@ -94,7 +94,7 @@ def clue_figure(
     row = int(draw_rounds(streams, sets, game)[number - 1])
     clue = find_clue(learn(streams, sets, noise), streams.observed(noise)[row], int(streams.y[row]))
     # Plot
-    return draw_clue(clue, streams.design.step, backend)
+    return draw_clue(clue, streams.design.step, backend, class_labels(streams.configs))
 
 
 def make_round(streams: ObservedStreams, observed: np.ndarray, row: int, noise: float) -> Round:
@@ -122,7 +122,7 @@ def draw_round(shown: Round, average: int, reveal: bool, backend: Backend) -> hv
     ]
     for i in range(len(shown.names)):
         label = TRUTH.format(i)
-        parts.append(line(label, data[label]["x"], data[label]["y"], class_colour(i), backend))
+        parts.append(line(label, data[label]["x"], data[label]["y"], class_colour(i, shown.names), backend))
     x = (float(shown.position.min()), float(shown.position.max()))
     return framed(parts, coordinate_label(shown.coordinate), "Qρ = ρ / ρ̄", x, RANGE, backend)
 
@@ -137,13 +137,14 @@ def round_columns(shown: Round, average: int, reveal: bool) -> dict[str, dict[st
     return {label: {"x": shown.position, "y": y} for label, y in values.items()}
 
 
-def draw_clue(clue: Clue, degrees: float, backend: Backend) -> hv.Overlay:
+def draw_clue(clue: Clue, degrees: float, backend: Backend, names: Sequence[str]) -> hv.Overlay:
     """How common the telling number is in each class, and what this stream has (the vertical line)."""
     use(backend)
     edges, heights = _histograms(clue)
     top = nice_top(float(heights.max()))
     parts: list[hv.Element] = [
-        step_line(f"class {i}", edges, height, class_colour(i), backend) for i, height in enumerate(heights)
+        step_line(f"class {i}", edges, height, class_colour(i, names), backend)
+        for i, height in enumerate(heights)
     ]
     parts.append(line("this", np.full(2, clue.value), np.array([0, top]), INK["light"], backend, dashed=True))
     label = clue_words(clue, degrees)

@@ -13,7 +13,7 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from streamdash.naming import class_colour, label_text
+from streamdash.naming import class_colours, label_text
 from streamdash.observe.observation import Observation
 from streamdash.observe.provenance import provenance_words
 from streamdash.observe.report import abundance_words
@@ -40,7 +40,7 @@ TEMPLATES.globals |= {
     word.__name__: word
     for word in (
         abundance_words,
-        class_colour,
+        class_colours,
         evidence_words,
         interval,
         label_text,
@@ -62,9 +62,10 @@ def report_html(result: dict[str, Any], observation: Observation, bands: np.ndar
     observation : what it is about
     bands : from `streamdash.observe.verdict.Prepared.bands`
     """
+    classes = [c["mass_range"] for c in result["classes"]]
     return TEMPLATES.get_template("report.html").render(
         result=result,
-        figure=inline_svg(observe.draw(observation, bands, "matplotlib")),
+        figure=inline_svg(observe.draw(observation, bands, classes, "matplotlib")),
         data=json.dumps(result, indent=1, ensure_ascii=False),
     )
 

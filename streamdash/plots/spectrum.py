@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from streamdash.config import EnsembleConfig
-from streamdash.naming import class_colour, class_names, model_labels
+from streamdash.naming import class_colours, class_names, model_labels
 from streamdash.plots.elements import GREY, framed, hover_spans, line
 from streamdash.plots.live import Backend, Columns, area_columns, use
 from streamdash.plots.style import INK
@@ -103,9 +103,9 @@ def draw(
         parts.append(area("noise band", shown.noise, GREY, backend))
         parts.append(_limits(backend))
     for m, band in enumerate(shown.bands[kind]):
-        parts.append(area(f"band {m}", band, class_colour(m), backend))
+        parts.append(area(f"band {m}", band, class_colours(configs)[m], backend))
     for m, band in enumerate(shown.bands[kind]):
-        colour = class_colour(m)
+        colour = class_colours(configs)[m]
         parts.append(line(f"median {m}", band.scale, band.median, colour, backend))
         if kind == "density":
             clean = shown.clean[m]
@@ -187,11 +187,10 @@ def draw_bispectrum(
     """|Re B| or |Im B| of Qρ of each class against 1/k₂ (BES17); data replaced by `bispectrum_columns`."""
     use(backend)
     bands = [getattr(b, part) for b in bispectra]
-    parts: list[hv.Element] = [
-        area(f"band {m}", band, class_colour(m), backend) for m, band in enumerate(bands)
-    ]
+    colours = class_colours(configs)
+    parts: list[hv.Element] = [area(f"band {m}", band, colours[m], backend) for m, band in enumerate(bands)]
     parts += [
-        line(f"median {m}", band.scale, band.median, class_colour(m), backend) for m, band in enumerate(bands)
+        line(f"median {m}", band.scale, band.median, colours[m], backend) for m, band in enumerate(bands)
     ]
     if backend == "bokeh":
         names = [(label, f"@text{m}") for m, label in enumerate(model_labels(configs))]

@@ -9,7 +9,7 @@ import holoviews as hv
 import numpy as np
 import pandas as pd
 
-from streamdash.naming import class_colour
+from streamdash.naming import ACCENT
 from streamdash.paper.statistics import PDF, POWER, PROFILE, Kept
 from streamdash.plots.elements import GREY, framed, points
 from streamdash.plots.live import TOOLS, Backend, use
@@ -27,7 +27,7 @@ def draw_statistics(rows: Sequence[Kept], backend: Backend) -> hv.Overlay:
     bars = hv.Path(ends, label="errors").opts(color=GREY, backend=backend)
     limit = hv.Curve(([possible, possible], [-1.0, len(ordered)]), "x", "y", label="possible")
     limit = limit.opts(color=GREY, backend=backend)
-    dots = points("bits", bits, place, class_colour(0), backend, size=9)
+    dots = points("bits", bits, place, ACCENT, backend, size=9)
     low = max(0.0, float((bits - errors).min()) - 0.05 * possible)
     overlay = framed(
         [limit, bars, dots],

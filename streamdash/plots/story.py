@@ -11,7 +11,7 @@ import pandas as pd
 from streamdash.config import EnsembleConfig, StreamModel
 from streamdash.engine.flyby import Film, Flyby, film, flyby_impacts
 from streamdash.engine.geometry import Geometry
-from streamdash.naming import class_colour
+from streamdash.naming import class_colours
 from streamdash.plots.elements import GREY, error_bars, framed, level_lines, line, nice_top, points
 from streamdash.plots.flyby import HAND_COLOUR, draw_density
 from streamdash.plots.live import Backend, use
@@ -72,7 +72,7 @@ def pair_figure(
     # Compute
     clean, noisy = pair(streams, number, noise)
     # Plot
-    return draw_pair(streams.design, clean, noisy, noise, backend)
+    return draw_pair(streams.design, clean, noisy, noise, streams.configs, backend)
 
 
 def pieces_figure(
@@ -84,7 +84,7 @@ def pieces_figure(
     # Compute
     shown = pieces([deviations(q) for q in streams.q], noise, streams.design.step)
     # Plot
-    return draw_pieces(shown, backend)
+    return draw_pieces(shown, streams.configs, backend)
 
 
 def odds_figure(
@@ -105,7 +105,8 @@ def odds_figure(
     heavy = data.sorted_y[-1][at]
     value = float(heavy[np.random.default_rng(number).integers(len(heavy))])
     # Plot
-    return draw_odds(odds(data.sorted_y[0][at], heavy), value, backend)
+    ends = [streams.configs[0], streams.configs[-1]]
+    return draw_odds(odds(data.sorted_y[0][at], heavy), value, ends, backend)
 
 
 def pair(streams: ObservedStreams, number: int, noise: float) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -160,16 +161,17 @@ def draw_pair(
     clean: Sequence[np.ndarray],
     noisy: Sequence[np.ndarray],
     noise: float,
+    classes: Sequence[EnsembleConfig],
     backend: Backend,
 ) -> hv.Overlay:
     """One stream of each class: a line without noise, dots with noise if there is any."""
     use(backend)
-    data = pair_columns(design, clean, noisy, noise)
+    data, colours = pair_columns(design, clean, noisy, noise), class_colours(classes)
     parts: list[hv.Element] = [level_lines("one", [1.0], backend)]
     for i in range(len(clean)):
         dots, curve = data[f"noisy {i}"], data[f"clean {i}"]
-        parts.append(points(f"noisy {i}", dots["x"], dots["y"], class_colour(i), backend, size=4))
-        parts.append(line(f"clean {i}", curve["x"], curve["y"], class_colour(i), backend))
+        parts.append(points(f"noisy {i}", dots["x"], dots["y"], colours[i], backend, size=4))
+        parts.append(line(f"clean {i}", curve["x"], curve["y"], colours[i], backend))
     x = (float(design.centers.min()), float(design.centers.max()))
     return framed(parts, coordinate_label(design.coordinate), "Qρ = ρ / ρ̄", x, PAIR_RANGE, backend)
 
@@ -185,13 +187,13 @@ def pair_columns(
     return found
 
 
-def draw_odds(shown: Odds, value: float, backend: Backend) -> hv.Overlay:
+def draw_odds(shown: Odds, value: float, classes: Sequence[EnsembleConfig], backend: Backend) -> hv.Overlay:
     """How common each value is for two explanations, and the value that was found."""
     use(backend)
     data = odds_columns(shown, value)
     parts: list[hv.Element] = [
-        line(f"class {i}", shown.value, density, class_colour(i), backend)
-        for i, density in enumerate(shown.density)
+        line(f"class {i}", shown.value, density, colour, backend)
+        for i, (density, colour) in enumerate(zip(shown.density, class_colours(classes), strict=True))
     ]
     parts.append(line(THIS, data[THIS]["x"], data[THIS]["y"], INK["light"], backend, dashed=True))
     x = (float(shown.value[0]), float(shown.value[-1]))
@@ -211,13 +213,12 @@ def odds_table(shown: Odds) -> pd.DataFrame:
     return pd.DataFrame({"density_near_1": shown.value, "first": shown.density[0], "last": shown.density[1]})
 
 
-def draw_pieces(shown: Pieces, backend: Backend) -> hv.Overlay:
+def draw_pieces(shown: Pieces, classes: Sequence[EnsembleConfig], backend: Backend) -> hv.Overlay:
     """Typical deviation of each class (bars: 68 % of the streams) and the noise, by length of the pieces."""
     use(backend)
     data = pieces_columns(shown)
     parts: list[hv.Element] = []
-    for i in range(len(shown.deviation)):
-        colour, bars = class_colour(i), shown.deviation[i]
+    for i, (bars, colour) in enumerate(zip(shown.deviation, class_colours(classes), strict=True)):
         parts.append(line(f"class {i}", shown.width, bars[1], colour, backend))
         parts.append(error_bars(f"bars {i}", shown.width, bars[0], bars[2], colour, backend))
     parts.append(line(NOISE, data[NOISE]["x"], data[NOISE]["y"], INK["light"], backend, dashed=True))

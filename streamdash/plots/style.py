@@ -8,6 +8,9 @@ from streamdash.streams import bin_text, longitude_symbol
 INK = {"light": "#1f2328", "dark": "#e6e8eb"}
 """Colour of medians and reference lines on a light and on a dark page."""
 
+HAND = "#C77C00"
+"""Colour of a fly-by chosen by hand, of a truth that is known, and of what was chosen."""
+
 COORDINATE_LABELS = {"theta": "θ∥ (rad)", "ell": "ℓ (deg)", "phi1": "φ₁ (deg)"}
 """Axis labels of the three coordinates along the default stream."""
 
@@ -24,7 +27,7 @@ def coordinate_symbol(coordinate: str) -> str:
 
 def noise_label(stream: StreamModel) -> str:
     """Name of the shot noise in the bins in which a stream is shown."""
-    return f"Shot noise σ_ε per {bin_text(stream)}"
+    return f"Shot noise σ per {bin_text(stream)}"
 
 
 def rising_alpha(colour: str = "#808080", highest: float = 0.9, steps: int = 64) -> list[str]:

@@ -7,7 +7,7 @@ whatever coordinate the profiles are shown in.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
@@ -26,6 +26,13 @@ HISTOGRAM_RANGES = {"q_rho": (-4.0, 6.0), "rho": (-4.0, 6.0), "omega": (-0.5, 0.
 """Values that enter the quantiles; wide enough for σ_ε = 1."""
 FINE_ROWS = 4000
 """Cells of the histogram per longitude bin; quantiles are resolved to a fraction of one."""
+SCALES = {"shared": "Shared", "own": "Own", "log": "Log", "residual": "Residual"}
+"""Vertical scales: the same linear one for all classes, one that fits each class, log₁₀, and what is
+left after the class's median; and what they are called."""
+LOG_FLOOR = 1e-2
+"""Smallest value on the logarithmic scale: noise makes some densities negative."""
+LOG_RANGES = {"q_rho": (-1.5, 1.0), "rho": (-2.0, 1.0), "omega": (-2.0, 0.0)}
+"""Of the logarithm's decades."""
 IMAGE_ROWS = 120
 BAND = (0.16, 0.5, 0.84)
 """Quantiles drawn: band edges and median (68 % of the streams lie in the band)."""
@@ -49,6 +56,8 @@ class Binned:
         What a noise of σ_ε = 1 means in this quantity: 1 for Qρ, ρ̄ for ρ, 0 for ⟨Ω∥⟩.
     smooth : (n_bin,) array
         The unperturbed stream.
+    n_impacts : (n_streams,) array
+        How often each stream was hit; empty where that is not known.
     """
 
     config: EnsembleConfig
@@ -60,6 +69,7 @@ class Binned:
     draws: np.ndarray
     scale: np.ndarray
     smooth: np.ndarray
+    n_impacts: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
 
     def edges(self, coordinate: str) -> np.ndarray:
         """Edges of the bins in ``ell``, ``theta`` or the longitude of the stream's frame."""
@@ -81,6 +91,12 @@ class Bands:
     streams : (n_highlight,) array
         Numbers of the highlighted streams.
     highlighted : (n_highlight, n_bin) array
+    impacts : (n_highlight,) array
+        How often each highlighted stream was hit.
+    scale : str
+        Vertical scale, one of `SCALES`, in which all of this is.
+    off : float
+        Share of the values that lie beyond it.
     """
 
     index: int
@@ -97,6 +113,9 @@ class Bands:
     extent: tuple[float, float, float, float]
     streams: np.ndarray
     highlighted: np.ndarray
+    impacts: np.ndarray
+    scale: str = "shared"
+    off: float = 0.0
 
 
 # ---------------------------------------------------------------- collect
@@ -159,6 +178,7 @@ def bin_profiles(geometry: Geometry, dataset: xr.Dataset, streams: ObservedStrea
         np.ascontiguousarray(draws.T, dtype=np.float32),
         scale,
         smooth,
+        streams.n_impacts[0] if streams.n_impacts else np.zeros(0, dtype=np.int32),
     )
 
 
@@ -181,32 +201,67 @@ def bin_angles(dataset: xr.Dataset, config: EnsembleConfig) -> Binned:
     values = (dataset.density / np.maximum(dataset.smooth, 1e-6)).values.T
     values = np.ascontiguousarray(values, dtype=np.float32)
     none, ones = np.full(len(edges), np.nan), np.ones(len(centres))
-    return Binned(config, "q_rho", none, edges, none, values, np.zeros_like(values), ones, ones)
+    hits = dataset["n_impacts"].to_numpy() if "n_impacts" in dataset else np.zeros(0, dtype=np.int32)
+    return Binned(config, "q_rho", none, edges, none, values, np.zeros_like(values), ones, ones, hits)
 
 
 # ---------------------------------------------------------------- compute
 
 
-def compute(binned: Binned, index: int, coordinate: str, noise: float, highlight: int, seed: int) -> Bands:
-    """Everything that is shown of one class at a given noise; a few milliseconds for 2,000 streams."""
+def compute(
+    binned: Binned,
+    index: int,
+    coordinate: str,
+    noise: float,
+    highlight: int,
+    seed: int,
+    scale: str = "shared",
+) -> Bands:
+    """Everything that is shown of one class at a given noise; a few milliseconds for 2,000 streams.
+
+    Parameters
+    ----------
+    scale
+        Vertical scale, one of `SCALES`.
+    """
     n_streams = binned.values.shape[1]
     edges = binned.edges(coordinate)
-    low, high = RANGES[binned.quantity]
-    counts, quantiles = _count(
-        binned.values,
-        binned.draws,
-        np.asarray(noise * binned.scale, dtype=np.float32),
-        *HISTOGRAM_RANGES[binned.quantity],
-        FINE_ROWS,
-        low,
-        high,
-        IMAGE_ROWS,
-        np.asarray(BAND),
-    )
+    spread = np.asarray(noise * binned.scale, dtype=np.float32)
+    offset = np.zeros(len(spread))
+
+    def count(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+        return _count(
+            binned.values,
+            binned.draws,
+            spread,
+            offset,
+            *HISTOGRAM_RANGES[binned.quantity],
+            FINE_ROWS,
+            low,
+            high,
+            IMAGE_ROWS,
+            np.asarray(BAND),
+            LOG_FLOOR if scale == "log" else 0.0,
+        )
+
+    low, high = (LOG_RANGES if scale == "log" else RANGES)[binned.quantity]
+    counts, quantiles = count(low, high)
+    smooth = binned.smooth
+    if scale == "log":
+        smooth = np.log10(np.maximum(smooth, LOG_FLOOR))
+    if scale == "residual":
+        offset = quantiles[1]
+    if scale in ("own", "residual"):
+        low, high = _fitting(quantiles - offset)
+        counts, quantiles = count(low, high)
+        quantiles, smooth = quantiles - offset, smooth - offset
     left, right = float(min(edges[0], edges[-1])), float(max(edges[0], edges[-1]))
     image = _shades(n_streams)[counts.T[:, _columns(edges, left, right)]]
     streams = pick_streams(n_streams, highlight, seed)
     highlighted = binned.values[:, streams] + (noise * binned.scale)[:, None] * binned.draws[:, streams]
+    highlighted = highlighted - offset[:, None]
+    if scale == "log":
+        highlighted = np.log10(np.maximum(highlighted, LOG_FLOOR))
     return Bands(
         index,
         binned.config,
@@ -214,7 +269,7 @@ def compute(binned: Binned, index: int, coordinate: str, noise: float, highlight
         coordinate,
         noise,
         (edges[:-1] + edges[1:]) / 2,
-        binned.smooth,
+        smooth,
         quantiles[0],
         quantiles[1],
         quantiles[2],
@@ -222,7 +277,18 @@ def compute(binned: Binned, index: int, coordinate: str, noise: float, highlight
         (left, low, right, high),
         streams,
         highlighted.T,
+        binned.n_impacts[streams] if len(binned.n_impacts) else np.zeros(len(streams), dtype=np.int32),
+        scale,
+        1.0 - float(counts.sum()) / max(binned.values.size, 1),
     )
+
+
+def _fitting(quantiles: np.ndarray) -> tuple[float, float]:
+    """Ends of an axis that hold a class's band with room for the streams beyond it, on tenths."""
+    low, high = float(quantiles[0].min()), float(quantiles[2].max())
+    room = 0.75 * max(high - low, 1e-3)
+    step = 10.0 ** np.floor(np.log10(room)) / 2
+    return step * np.floor((low - room) / step), step * np.ceil((high + room) / step)
 
 
 def pick_streams(n_streams: int, highlight: int, seed: int) -> np.ndarray:
@@ -251,6 +317,7 @@ def _count(
     values: np.ndarray,
     draws: np.ndarray,
     noise: np.ndarray,
+    offset: np.ndarray,
     low: float,
     high: float,
     n_fine: int,
@@ -258,8 +325,11 @@ def _count(
     image_high: float,
     n_rows: int,
     levels: np.ndarray,
+    floor: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Image counts (n_bin, n_rows) and quantiles (n_level, n_bin) of values + noise · draws.
+
+    Of their log₁₀ where there is a floor for them; the image is of what is left after an offset per bin.
 
     Each bin's fine histogram fits the processor's first cache; quantiles are interpolated in it.
     Values beyond the histogram count at its ends, values beyond the image in no row.
@@ -274,8 +344,10 @@ def _count(
         fine[:] = 0
         for i in range(n_streams):
             value = values[j, i] + noise[j] * draws[j, i]
+            if floor > 0.0:
+                value = np.log10(max(value, floor))
             fine[min(max(int((value - low) * per_fine), 0), n_fine - 1)] += 1
-            row = int(np.floor((value - image_low) * per_row))
+            row = int(np.floor((value - offset[j] - image_low) * per_row))
             if 0 <= row < n_rows:
                 counts[j, row] += 1
         k, below = 0, 0

@@ -48,7 +48,7 @@ def test_a_test_is_figures_numbers_and_a_verdict(open_shell, key):
         assert shift is None or f"{shift.mean:+z.2f} ± {shift.error:.2f}" in page.table.object
     assert page.card._sentence.text.startswith(("Converged from", "Agrees", "Within", "Differs", "No other"))
     assert "core minutes" in page.card._sentence.text
-    rows = pd.read_csv(io.BytesIO(page.card.files["csv"]()))
+    rows = pd.read_csv(io.BytesIO(page.card.files["csv"]()), comment="#")
     assert set(rows.setting) == {setting.label for setting in chosen.settings}
     assert set(rows.spectrum) == {"density", "track", "cross"}
     band = page.measured.spectra[0].bands["cross"]
@@ -65,7 +65,7 @@ def test_all_verdicts_stand_together_with_what_they_cost(open_shell):
         worst = one.verdict.worst
         assert f"{worst.mean:+z.2f} ± {worst.error:.2f}" in page.all.object
     assert "core minutes" in page.all_card._sentence.text
-    shifts = pd.read_csv(io.BytesIO(page.all_card.files["csv"]()))
+    shifts = pd.read_csv(io.BytesIO(page.all_card.files["csv"]()), comment="#")
     assert set(shifts.knob) == set(KNOBS)
 
 

@@ -114,7 +114,7 @@ def test_the_evidence_told_is_the_evidence_pages(open_shell, services):
 def test_the_steps_with_classes_name_their_colours(open_shell):
     for step in (5, 6, 8, 9):
         shell = open_shell(f"{STORY}&step={step}")
-        assert [words for kind, words in lesson(shell).step.swatches() if kind.startswith("class-")] == [
+        assert [words for kind, words in lesson(shell).step.swatches() if kind.startswith("line-#")] == [
             "M0 · 10³–10⁵ M☉",
             "M1 · 10⁵–10⁹ M☉",
         ]

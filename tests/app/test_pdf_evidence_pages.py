@@ -228,3 +228,41 @@ def test_a_page_that_was_left_is_freed(open_shell, query):
     shell.session.page = "profiles"
     gc.collect()
     assert page() is None
+
+
+def test_evidence_against_noise_agrees_with_the_figure_and_marks_the_noise_chosen(open_shell):
+    page = open_shell(EVIDENCE).page
+    curve = page.noise_curves[1]
+    at = curve.noise.tolist().index(0.1)
+    assert curve.value[at] == pytest.approx(page.data.evidence.cumulative(0, 0, 1).value)
+    assert curve.value[1] > curve.value[-1] and (curve.low <= curve.high).all()
+    assert "M1" in page.noise_card.words and page.noise_card.ready
+    page.session.noise = 0.5
+    np.testing.assert_array_equal(data(page.live_noise, evidence.NOW)["x"], 0.5)
+    assert page.noise_curves[1] is curve  # the same at every noise: not computed anew
+
+
+def test_pdf_lies_over_ln_b_on_one_axis_and_follows(open_shell):
+    page = open_shell(EVIDENCE).page
+    assert page.live_pdf.figure.x_range is page.live.figure.x_range
+    before = data(page.live_pdf, "median 0")["y"]
+    page.session.n_bin = 31
+    assert len(data(page.live_pdf, "median 0")["y"]) == 62 != len(before)
+
+
+def test_of_more_than_two_classes_one_band_is_drawn(open_shell):
+    shell = open_shell(f"?page=pdf&mass={THREE}")
+    seen = [drawn_by(shell.page.live, f"band {m}") for m in range(3)]
+    assert [renderer.visible for renderer in seen] == [True, False, False]
+    shell.session.focus = 3
+    assert [renderer.visible for renderer in seen] == [False, False, True]
+    shell.session.focus = 0
+    assert all(renderer.visible for renderer in seen)
+    two = open_shell(PDF).page.live
+    assert drawn_by(two, "band 0").visible and drawn_by(two, "band 1").visible
+
+
+def drawn_by(live, label: str):
+    """What draws an element in the browser."""
+    (found,) = (r for r in live.figure.renderers if getattr(r, "data_source", None) is live.sources[label])
+    return found

@@ -141,7 +141,7 @@ def test_the_sentence_says_what_is_shown_now(open_shell):
 
 def test_downloads_hold_the_numbers_that_are_shown(open_shell):
     shell = open_shell(TWO + "&noise=0.2&highlight=2")
-    table = pd.read_csv(io.BytesIO(shell.page.card.files["csv"]()))
+    table = pd.read_csv(io.BytesIO(shell.page.card.files["csv"]()), comment="#")
     first = table[table.model == "M0"]
     found = shown(shell, 0, profiles.MEDIAN)
     np.testing.assert_allclose(first.ell_deg, found["ell"], rtol=1e-5)
@@ -228,6 +228,8 @@ def test_changing_the_mass_ranges_builds_the_panels_anew(open_shell):
     picker = next(w for w in shell.view.select(lambda v: "sd-mass" in getattr(v, "css_classes", [])))
     picker.value = picker.value[:1]
     assert len(shell.session.mass) == len(picker.value) == len(stream.ensembles)
+    (refusal,) = shell.view.select(lambda v: "sd-mass-refusal" in getattr(v, "css_classes", []))
+    assert "At least 2" in refusal.text
 
 
 def test_going_back_restores_the_view(open_shell):
@@ -245,3 +247,62 @@ def test_dark_mode_recolours_the_ink(open_shell):
     assert shell.session.theme == "dark"
     after = [getattr(glyph, "line_color", None) for glyph in glyphs]
     assert sum(a != b for a, b in zip(before, after, strict=True)) == 2
+
+
+def test_pages_are_dark_where_the_system_is_unless_chosen_otherwise(open_shell):
+    shell = open_shell(TWO)
+    shell.address.dark = True  # as the browser says on the first visit
+    assert shell.view.dark_theme and "theme" not in shell.session.search
+    inked = [
+        r.glyph.line_color for r in shell.page.live[0].figure.renderers if hasattr(r.glyph, "line_color")
+    ]
+    assert "#e6e8eb" in inked
+    shell.view.dark_theme = False
+    assert not shell.session.dark and "theme=light" in shell.session.search
+    shell.view.dark_theme = True
+    assert shell.session.dark and "theme" not in shell.session.search
+
+
+def test_a_tab_that_is_loaded_anew_is_the_same_visitor(open_shell):
+    first, second = open_shell(TWO), open_shell(TWO)
+    assert first.address.visitor == first.session.visitor != second.session.visitor
+    second.address.visitor = first.session.visitor  # as the browser kept it
+    assert second.session.visitor == first.session.visitor
+    second.address.visitor = "<script>"
+    assert second.session.visitor == first.session.visitor
+
+
+@pytest.mark.parametrize("scale", ["own", "log", "residual"])
+def test_vertical_scales(open_shell, scale):
+    shell = open_shell(f"{TWO}&noise=0.1&scale={scale}")
+    plain = bands.compute(shell.page._binned(shell.session.ensembles[0], "q_rho"), 0, "ell", 0.1, 3, 0)
+    panel = shell.page.panels[0]
+    low, high = panel.extent[1::2]
+    if scale == "log":
+        np.testing.assert_allclose(panel.median, np.log10(plain.median), atol=2e-3)
+    else:
+        assert high - low < plain.extent[3] - plain.extent[1]  # 10³–10⁵ needs a tenth of the shared one
+        offset = plain.median if scale == "residual" else 0.0
+        np.testing.assert_allclose(panel.high, plain.high - offset, atol=5e-3)
+        np.testing.assert_allclose(panel.highlighted, plain.highlighted - offset, atol=1e-5)
+    values = shell.page._binned(shell.session.ensembles[0], "q_rho")
+    noisy = values.values + 0.1 * values.draws
+    there = np.log10(np.maximum(noisy, 0.01)) if scale == "log" else noisy
+    if scale == "residual":
+        there = noisy - plain.median[:, None]
+    off = np.mean((there < low) | (there >= high))
+    assert panel.off == pytest.approx(off, abs=1e-4)
+    assert panel.scale == scale and f'scale="{scale}"' in shell.page.code()
+    shell.session.noise = 0.5  # a scale of its own follows
+    for shown_panel, live in zip(shell.page.panels, shell.page.live.values(), strict=True):
+        ends = live.figure.y_range.start, live.figure.y_range.end
+        assert ends == pytest.approx(shown_panel.extent[1::2])
+
+
+def test_a_highlighted_stream_says_how_often_it_was_hit(open_shell):
+    shell = open_shell(f"{TWO}&highlight=2&seed=4")
+    panel = shell.page.panels[1]
+    hits = shell.page.services.observed([shell.session.ensembles[1]]).n_impacts[0]
+    np.testing.assert_array_equal(panel.impacts, hits[panel.streams])
+    there = shown(shell, 1, profiles.HIGHLIGHTS)
+    assert set(there["impacts"]) == set(panel.impacts) and panel.impacts.min() > 0

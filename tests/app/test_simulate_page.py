@@ -88,10 +88,10 @@ def test_presets_are_configurations_that_their_texts_bring_back(preset):
         ("sim_X", "100", "Largest impact parameter: input should be less than or equal to 50"),
         ("sim_mass", "1e9-1e5", "Mass range: the lower mass must come first"),
         ("sim_mass", "wide", "Mass range: mass range 'wide' is not of the form 1e3-1e5"),
-        ("sim_rate", "", "Abundance: input should be a valid number"),
+        ("sim_rate", "", "Abundance: must be a number"),
         ("sim_times", "3, 2", "Stream model: times_gyr must increase"),
         ("sim_progenitor", "1, 2", "Progenitor today: must be six numbers"),
-        ("sim_n", "1.5", "Streams: input should be a valid integer"),
+        ("sim_n", "1.5", "Streams: must be a whole number"),
     ],
 )
 def test_wrong_texts_are_refused_in_a_sentence_that_names_the_knob(name, text, words):
@@ -123,9 +123,21 @@ def test_choices_are_in_the_link_and_wrong_ones_say_why(open_own):
     assert "sim_slope=-1.8" in shell.session.search and "sim_X" not in shell.session.search
     page.session.sim_slope = "steep"
     assert page.config is None and page.progress.start.disabled
-    assert "slope: input should be a valid number" in page.progress.problem[0][0].object
+    assert "slope: must be a number" in page.progress.problem[0][0].object
+    field = page.fields["Mass function's slope"]
+    assert field.widget.error_state and "must be a number" in field.below.object
+    assert float(page.slot.styles["opacity"]) < 0.5 and "settings before" in page.card._sentence.text
+    assert not page.card.ready
     page.session.sim_slope = "-2"
     assert page.config == CONFIG and not page.progress.problem.objects
+    assert not field.widget.error_state and page.slot.styles == {}
+
+
+def test_more_streams_than_are_allowed_are_refused_before_anything_is_costed(own, open_own):
+    page = open_own().page
+    page.session.sim_n = str(own.jobs.limits.max_streams + 1)
+    assert page.progress.start.disabled and page.progress.text.text == ""
+    assert "allows in one simulation" in page.fields["Streams"].below.object
 
 
 def test_what_is_in_the_cache_needs_no_start(open_own):
@@ -275,10 +287,10 @@ def test_what_the_server_refuses_is_said_in_the_page(own, open_own):
 def test_every_download_and_the_code_run_as_shown(open_own, own, tmp_path, monkeypatch):
     page = open_own().page
     assert page.card.files["png"]().startswith(b"\x89PNG")
-    assert page.card.files["csv"]().startswith(b"model,mass_range_msun,theta_rad,")
+    assert b"\nmodel,mass_range_msun,theta_rad," in page.card.files["csv"]()
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("STREAMDASH_CACHE", str(own.cache.roots[0]))
-    code = page.card._code().replace("simulate(config)", "simulate(config, 'inline')")
+    code = page.card.code().replace("simulate(config)", "simulate(config, 'inline')")
     exec(compile(code, "shown", "exec"), {})
     assert (tmp_path / "simulate.png").read_bytes().startswith(b"\x89PNG")
 

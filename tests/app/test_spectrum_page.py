@@ -35,7 +35,7 @@ def test_the_figure_follows_the_noise(open_shell, services):
     shell.session.noise = 0
     assert (data(page.live["density"], "noise")["y"] < 1e-6).all()
     shell.session.noise = 0.4
-    assert "tested at σ_ε = 0.4" in page.statements.object
+    assert "tested at σ<sub>ε</sub> = 0.4" in page.statements.object
 
 
 def test_every_patched_column_arrives_and_statements_are_said_true_or_not(open_shell):
@@ -62,7 +62,7 @@ def test_every_patched_column_arrives_and_statements_are_said_true_or_not(open_s
 def test_tables_and_code_give_what_is_shown(open_shell, shipped_cache, tmp_path, monkeypatch, capsys):
     page = open_shell(SPECTRUM).page
     frame = page.card.files["csv"]()
-    rows = pd.read_csv(io.BytesIO(frame))
+    rows = pd.read_csv(io.BytesIO(frame), comment="#")
     shown = rows[(rows.model == "M1") & (rows.spectrum == "density")]
     np.testing.assert_allclose(
         shown.median_sqrt_power_deg, data(page.live["density"], "median 1")["y"], rtol=1e-4

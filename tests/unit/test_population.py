@@ -103,7 +103,7 @@ def test_classes_of_the_same_masses_are_told_apart_by_what_differs():
     cold, more = mixed(LOW, HIGH), mixed(LOW.model_copy(update={"rate_factor": 3.0}), HIGH)
     warm = EnsembleConfig(perturbers=Perturbers(half_mode_mass=1e8))
     assert class_labels([cold, more]) == ["10³–10⁵ + 10⁵–10⁹ M☉", "10³–10⁵ + 10⁵–10⁹ M☉, rate × 3 in 10³–10⁵"]
-    half = "warm, half-mode mass 10⁸ M☉ (m_WDM = 4.89 keV)"
+    half = "warm, half-mode mass 10⁸ M☉ (4.89 keV)"
     assert class_labels([EnsembleConfig(), warm]) == ["10⁵–10⁹ M☉", f"10⁵–10⁹ M☉, {half}"]
     assert class_labels([cold, excess])[1] == "10³–10⁵ + 10³–10⁵ + 10⁵–10⁹ M☉"
     assert differences(more) == ["rate × 3 in 10³–10⁵"]

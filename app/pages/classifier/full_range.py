@@ -11,7 +11,7 @@ from panel.viewable import Viewable
 from app import ui
 from streamdash.paper.full_range import sentence
 from streamdash.plots.full_range import draw_full_range, full_range_table
-from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.live import LiveFigure
 
 CODE = """from pathlib import Path
 
@@ -46,7 +46,7 @@ class FullRange:
                 margin=0,
             ),
             name="full-range",
-            image=lambda kind: export(draw_full_range(results, "matplotlib"), kind),
+            drawn=lambda: draw_full_range(results, "matplotlib"),
             table=lambda: full_range_table(results),
             code=lambda: CODE,
         )

@@ -24,14 +24,14 @@ from streamdash.classifier.train import Judged
 from streamdash.paper.full_range import shipped_results
 from streamdash.plots import classifier
 from streamdash.plots.answers import classifier_answer
-from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.live import LiveFigure
 
 LEGEND_CALIBRATION = (
-    ("dots", "test streams, binned; bars: 68 %"),
+    ("bars", "test streams, binned; bars: 68 %"),
     ("dots-grey", "single ones, if few are uncertain"),
-    ("dashes", "honest"),
+    ("dashes-grey", "honest"),
 )
-LEGEND_STREAMS = (("line", "without noise, in class colour"), ("grey", "as observed, with noise"))
+LEGEND_STREAMS = (("line", "without noise, in class colour"), ("line-grey", "as observed, with noise"))
 
 
 class ClassifierPage(Page):
@@ -61,8 +61,7 @@ class ClassifierPage(Page):
         self.shown = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self._make_cards()
         self.studies = [
-            StudyCard(study, self.services.work, len(self.streams.q))
-            for study in studies_of(self.services, self.session)
+            StudyCard(study, self.services.work, self) for study in studies_of(self.services, self.session)
         ]
         self.results = pn.Column(
             self.card.view,
@@ -163,13 +162,13 @@ class ClassifierPage(Page):
         return pn.FlexBox(matrix, scores, gap="8px 12px", sizing_mode=ui.WIDE, margin=0)
 
     def _make_cards(self) -> None:
-        n_classes = len(self.streams.q)
-        classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
+        classes = [ui.class_heading(i, self.session.ensembles) for i in range(len(self.session.ensembles))]
         self.card = ui.FigureCard(
             "Confusion matrix on streams never trained on",
             self._matrix_and_scores(),
             name="confusion",
-            image=lambda kind: export(classifier.draw_matrix(self._ready(), "matplotlib"), kind),
+            page=self,
+            drawn=lambda: classifier.draw_matrix(self._ready(), "matplotlib"),
             table=lambda: classifier.matrix_table(self._ready()),
             code=lambda: self._code("draw_matrix(judged, 'matplotlib')", "draw_matrix", "confusion"),
             legend=ui.controls(*classes),
@@ -178,30 +177,33 @@ class ClassifierPage(Page):
             "The streams of one cell: click the matrix, or choose here",
             pn.Column(self._cell_picker(), self.shown, sizing_mode=ui.WIDE, margin=0),
             name="cell",
-            image=lambda kind: export(self._streams_layout(), kind),
+            page=self,
+            drawn=lambda: self._streams_layout(),
             table=lambda: classifier.streams_table(self.streams, self._ready(), self._rows()),
             code=self._code_streams,
-            legend=ui.legend(LEGEND_STREAMS, n_classes),
+            legend=ui.legend(LEGEND_STREAMS, self.session.configs),
         )
         self.roc_card = ui.FigureCard(
             "Each class against the rest: ROC, or the doubt that is left",
             self.roc,
             name="roc",
-            image=lambda kind: export(self._draw_roc("matplotlib"), kind),
+            page=self,
+            drawn=lambda: self._draw_roc("matplotlib"),
             table=self._roc_table,
             code=lambda: self._code(f"{self._roc_drawer()}(judged, 'matplotlib')", self._roc_drawer(), "roc"),
-            legend=ui.legend((("line", "class colour"), ("dashes", "guessing")), n_classes),
+            legend=ui.legend((("line", "class colour"), ("dashes-grey", "guessing")), self.session.configs),
         )
         self.calibration_card = ui.FigureCard(
             "Calibration: is 80 % right 80 % of the time?",
             self.calibration,
             name="calibration",
-            image=lambda kind: export(classifier.draw_calibration(self._ready(), "matplotlib"), kind),
+            page=self,
+            drawn=lambda: classifier.draw_calibration(self._ready(), "matplotlib"),
             table=lambda: classifier.calibration_table(self._ready()),
             code=lambda: self._code(
                 "draw_calibration(judged, 'matplotlib')", "draw_calibration", "calibration"
             ),
-            legend=ui.legend(LEGEND_CALIBRATION, 1),
+            legend=ui.legend(LEGEND_CALIBRATION),
         )
 
     # ------------------------------------------------------------ showing
@@ -246,7 +248,7 @@ class ClassifierPage(Page):
         return classifier.doubt_table(judged) if corner else classifier.roc_table(judged)
 
     def _draw_matrix(self) -> None:
-        dark = self.session.theme == "dark"
+        dark = self.session.dark
         self.live = LiveFigure(classifier.draw_matrix(self._ready(), "bokeh", self.selected, dark))
         self.live.figure.on_event(Tap, self._tapped)
         self.matrix[:] = [ui.figure_pane(self.live.figure)]

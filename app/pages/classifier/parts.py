@@ -25,6 +25,7 @@ from streamdash.classifier.studies import (
     wrong_noise_curve,
 )
 from streamdash.classifier.train import Judged
+from streamdash.naming import class_colours
 from streamdash.paper.studies import estimated_seconds, shipped_result, shipped_studies
 from streamdash.plots import classifier_studies as plots
 from streamdash.plots.classifier import METRICS, class_names
@@ -38,7 +39,7 @@ th, td { padding: 5px 8px; }
 tbody tr + tr > * { border-top: 1px solid #80808060; }
 """
 )
-CURVE_LEGEND = (("line", "recall per class"), ("grey", "accuracy over all classes"))
+CURVE_LEGEND = (("line-dots", "recall per class"), ("line-dots-grey", "accuracy over all classes"))
 
 
 def scores_html(judged: Judged, beside_paper: bool) -> Markup:
@@ -59,6 +60,7 @@ def scores_html(judged: Judged, beside_paper: bool) -> Markup:
     note = f", paper {paper['overall_accuracy']:.2f}" if "overall_accuracy" in paper else ""
     return ui.render(
         "pages/classifier/scores.html",
+        colours=class_colours(labels),
         accuracy=overall + note,
         metrics=METRICS.values(),
         rows=[(name, [cell(metric, c) for metric in METRICS]) for c, name in enumerate(class_names(labels))],
@@ -154,13 +156,13 @@ def studies_of(services: Services, session: Session) -> list[Study]:
             "Accuracy against noise: where does the method die?",
             "A classifier is trained and judged anew at each σ_ε.",
             question("noise curve", noise_curve, at_noise=False),
-            lambda curve, backend: plots.draw_curve(curve, noise, backend),
+            lambda curve, backend: plots.draw_curve(curve, labels, noise, backend),
             lambda curve: plots.curve_table(curve, "noise", labels),
             plots.noise_sentence,
             code(
                 "curve = noise_curve(streams, settings)",
                 "classifier.studies import noise_curve",
-                f"draw_curve(curve, '{noise}', 'matplotlib')",
+                f"draw_curve(curve, {list(labels)}, '{noise}', 'matplotlib')",
                 "noise-curve",
             ),
             CURVE_LEGEND,
@@ -171,13 +173,13 @@ def studies_of(services: Services, session: Session) -> list[Study]:
             "Accuracy where the noise is not the trained one: what if the errors are wrong?",
             "The classifier of the chosen σ_ε judges test streams that are truly observed with another.",
             question("wrong noise", wrong_noise_curve),
-            lambda curve, backend: plots.draw_curve(curve, true_noise, backend),
+            lambda curve, backend: plots.draw_curve(curve, labels, true_noise, backend),
             lambda curve: plots.curve_table(curve, "true_noise", labels),
             lambda curve: plots.wrong_noise_sentence(curve, session.noise),
             code(
                 "curve = wrong_noise_curve(streams, NOISE, settings)",
                 "classifier.studies import wrong_noise_curve",
-                f"draw_curve(curve, '{true_noise}', 'matplotlib')",
+                f"draw_curve(curve, {list(labels)}, '{true_noise}', 'matplotlib')",
                 "wrong-noise",
             ),
             CURVE_LEGEND,
@@ -188,13 +190,13 @@ def studies_of(services: Services, session: Session) -> list[Study]:
             "Learning curve: are there enough simulated streams?",
             "The same classifier trained on ever more streams, judged on the same test streams.",
             question("learning curve", learning_curve),
-            lambda curve, backend: plots.draw_curve(curve, size, backend, logarithmic=True),
+            lambda curve, backend: plots.draw_curve(curve, labels, size, backend, logarithmic=True),
             lambda curve: plots.curve_table(curve, "streams_per_class", labels),
             plots.learning_sentence,
             code(
                 "curve = learning_curve(streams, NOISE, settings)",
                 "classifier.studies import learning_curve",
-                f"draw_curve(curve, '{size}', 'matplotlib', logarithmic=True)",
+                f"draw_curve(curve, {list(labels)}, '{size}', 'matplotlib', logarithmic=True)",
                 "learning-curve",
             ),
             CURVE_LEGEND,
@@ -205,16 +207,16 @@ def studies_of(services: Services, session: Session) -> list[Study]:
             "Presets and a dense network on the same split",
             "The paper's classifier, ours, ours with less, and small dense networks as in its conclusions.",
             question("comparison", compare_presets),
-            plots.draw_comparison,
+            lambda rows, backend: plots.draw_comparison(rows, labels, backend),
             lambda rows: plots.comparison_table(rows, labels),
             lambda rows: plots.comparison_sentence(rows, labels),
             code(
                 "contenders = compare(streams, NOISE, PRESETS)",
                 "classifier.studies import compare",
-                "draw_comparison(contenders, 'matplotlib')",
+                f"draw_comparison(contenders, {list(labels)}, 'matplotlib')",
                 "comparison",
             ),
-            (("dots", "recall per class"), ("grey", "accuracy, large dot")),
+            (("dots", "recall per class"), ("dots-grey", "accuracy, large dot")),
             lambda rows: ui.Html(comparison_html(rows, labels), stylesheets=[STYLE]),
             **of("comparison"),
         ),
@@ -232,7 +234,7 @@ def studies_of(services: Services, session: Session) -> list[Study]:
                 "draw_grid(grid, 'matplotlib')",
                 "tuning",
             ),
-            (("line", "one line per depth, stronger is deeper"), ("dots", "chosen")),
+            (("line", "one line per depth, stronger is deeper"), ("dots-hand", "chosen")),
             lambda grid: ui.button(
                 "Use these", lambda: use_grid(session, grid), css_classes=["sd-use-tuning"]
             ),

@@ -22,11 +22,11 @@ from streamdash.convergence.spectra import missing
 from streamdash.convergence.text import Measured, cost, cost_sentence, measure
 from streamdash.convergence.verdicts import verdict_sentence
 from streamdash.plots import convergence
-from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.live import LiveFigure
 from streamdash.statistics.spectrum import KINDS
 
 LEGEND = (
-    ("grey", "68 % of the streams of the setting compared with"),
+    ("band-grey", "68 % of the streams of the setting compared with"),
     ("none", "colours of the settings: see the table; last figure: density spectra against the reference"),
 )
 
@@ -111,16 +111,18 @@ class ConvergencePage(Page):
             "One test of convergence",
             pn.Column(self.task.view, self.figures, self.about, self.table, sizing_mode=ui.WIDE, margin=0),
             name="convergence",
-            image=lambda kind: export(self._layout(), kind),
+            page=self,
+            drawn=lambda: self._layout(),
             table=lambda: convergence.table(self.knob, self._ready().spectra),
             code=self.code,
-            legend=ui.legend(LEGEND, 1),
+            legend=ui.legend(LEGEND),
         )
         self.all_card = ui.FigureCard(
             "All tests at a glance",
             self.all,
             name="verdicts",
-            image=lambda kind: export(convergence.draw_verdicts(self.found, "matplotlib"), kind),
+            page=self,
+            drawn=lambda: convergence.draw_verdicts(self.found, "matplotlib"),
             table=lambda: convergence.all_shifts(self.found),
             code=lambda: VERDICTS_CODE,
         )

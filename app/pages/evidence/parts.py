@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from app import ui
 from streamdash.config import EnsembleConfig
-from streamdash.naming import class_labels
+from streamdash.naming import class_colours, class_labels
 from streamdash.plots.cumulative import row
 from streamdash.plots.evidence import words
 from streamdash.statistics.cumulative import paper_value
@@ -54,6 +54,7 @@ def evidence_table(
         "pages/evidence/cumulative.html",
         n_bins=[table["n_bin"] for table in tables],
         labels=labels,
+        colours=class_colours(configs),
         bodies=[(i, j, _rows(tables, i, j, paper)) for i, j in pairs],
         waiting=waiting,
     )

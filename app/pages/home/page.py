@@ -15,7 +15,6 @@ from app.ui.browser import Doors
 from streamdash.paper.studies import shipped_studies
 from streamdash.plots.answers import profiles_answer
 from streamdash.plots.classifier import class_names
-from streamdash.plots.live import export
 from streamdash.plots.profiles import sentence
 from streamdash.statistics.evidence import Comparison
 from streamdash.words import percent_between
@@ -45,10 +44,11 @@ class HomePage(ProfilesPage):
             "The same stream, hit by light and by heavy objects",
             self.grid,
             name="home",
-            image=lambda kind: export(self.layout(), kind),
+            page=self,
+            drawn=lambda: self.layout(),
             table=self.table,
             code=self.code,
-            legend=ui.legend(LEGEND, len(self._shown())),
+            legend=ui.legend(LEGEND, [choice.config for _, choice in self._shown()]),
         )
         self.doors = Doors(sizing_mode=ui.WIDE, margin=(8, 0), css_classes=["sd-doors"])
         self.facts = ui.Html(margin=(8, 4), css_classes=["sd-facts"])
@@ -68,6 +68,11 @@ class HomePage(ProfilesPage):
         self.card.say(sentence(self.panels))
         self.doors.doors = [[words, about, link_to(self.session, page=key)] for key, words, about in DOORS]
         self.facts.write(self._facts())
+
+    @property
+    def scale(self) -> str:
+        """That of the paper, whatever was chosen on Profiles."""
+        return "shared"
 
     def _shown(self) -> list[tuple[int, Choice]]:
         """The first and the last class alone."""

@@ -25,19 +25,20 @@ from streamdash.config import StreamModel
 from streamdash.inference.methods import shipped_methods
 from streamdash.inference.posterior import Posterior
 from streamdash.plots import corner, infer
-from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.corner import BLUE
+from streamdash.plots.live import LiveFigure
 from streamdash.streams import stream_of
 
 CORNER_LEGEND = (
-    ("dots", "posterior; dark: its most probable 68 %"),
-    ("dashes", "prior"),
-    ("grey", "line: cold dark matter"),
-    ("hand", "truth, where it is known"),
+    (f"band-{BLUE}", "posterior; dark: its most probable 68 %"),
+    ("dashes-grey", "prior"),
+    ("line-grey", "cold dark matter"),
+    ("line-hand", "truth, where it is known"),
 )
 BAND_LEGEND = (
-    ("ink", "data"),
-    ("band", "68 % and 95 % of the posterior’s streams, observed alike"),
-    ("line", "their median"),
+    ("bars-ink", "data"),
+    (f"band-{BLUE}", "68 % and 95 % of the posterior’s streams, observed alike"),
+    (f"line-{BLUE}", "their median"),
 )
 ROWS_WORDS = (
     "Median, 68 % and 95 % interval of the abundance. An age can be fixed, and errors made smaller, where an "
@@ -78,25 +79,25 @@ class Cards:
             "What the data say",
             self.corner_slot,
             name="posterior",
-            image=lambda kind: export(self._corner(), kind),
+            drawn=lambda: self._corner(),
             table=lambda: corner.corner_table(self.ready().posterior),
             code=lambda: answer_code(asked()),
-            legend=ui.legend(CORNER_LEGEND, 1),
+            legend=ui.legend(CORNER_LEGEND),
         )
         self.band_card = ui.FigureCard(
             "Streams of the posterior over the data",
             self.band_slot,
             name="predictive",
-            image=lambda kind: export(self._bands("matplotlib"), kind),
+            drawn=lambda: self._bands("matplotlib"),
             table=lambda: infer.predictive_table(*self._measured()),
             code=lambda: bands_code(asked()),
-            legend=ui.legend(BAND_LEGEND, 1),
+            legend=ui.legend(BAND_LEGEND),
         )
         self.moves_card = ui.FigureCard(
             "What each assumption does",
             [pn.Column(ui.plain_text(ROWS_WORDS), self.moves_slot, cutting, sizing_mode=ui.WIDE, margin=0)],
             name="assumptions",
-            image=lambda kind: export(self._moves("matplotlib"), kind),
+            drawn=lambda: self._moves("matplotlib"),
             table=lambda: infer.interval_table(self.rows, self._first()),
             code=lambda: moves_code(asked()),
         )
@@ -104,7 +105,7 @@ class Cards:
             "Is it calibrated? Ranks of the truth in held-out streams",
             self.rank_slot,
             name="calibration",
-            image=lambda kind: export(infer.rank_histogram(self._ranks().ranks, "matplotlib"), kind),
+            drawn=lambda: infer.rank_histogram(self._ranks().ranks, "matplotlib"),
             table=lambda: infer.rank_table(self._ranks().ranks),
             code=lambda: calibration_code(asked()),
         )

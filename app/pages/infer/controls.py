@@ -9,6 +9,7 @@ from app import ui
 from app.page import Page
 from app.pages.infer.answers import Oracle
 from app.pages.observe.parts import AssumptionControls
+from app.pages.observe.reading import kept_name
 from app.session.session import Session
 from app.ui.browser import LiveText
 from app.ui.study import TaskControls
@@ -62,6 +63,7 @@ class Controls:
             refuse,
             limit=int(1e6 * page.services.uploads.max_upload_mb),
             announce=announce,
+            kept=kept_name(page.session),
             sizing_mode=ui.WIDE,
             margin=(6, 10),
             css_classes=["sd-drop"],

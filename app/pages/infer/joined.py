@@ -14,7 +14,7 @@ from streamdash.config import StreamModel
 from streamdash.inference.cells import AGE
 from streamdash.inference.posterior import Posterior
 from streamdash.plots import infer
-from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.live import LiveFigure
 from streamdash.prior import Prior
 from streamdash.streams import stream_of, stream_text
 
@@ -34,7 +34,7 @@ class Joined:
             "Several streams together",
             pn.Column(self.slot, forget, sizing_mode=ui.WIDE, margin=0),
             name="joined",
-            image=lambda kind: export(self._draw("matplotlib"), kind),
+            drawn=lambda: self._draw("matplotlib"),
             table=lambda: infer.interval_table(self.rows, self._name),
             code=lambda: JOIN_CODE,
         )

@@ -111,7 +111,7 @@ class InferPage(Page):
 
     @property
     def _dark(self) -> bool:
-        return self.session.theme == "dark"
+        return self.session.dark
 
     def _arrange(self) -> None:
         """Show the controls that mean something now."""

@@ -23,7 +23,7 @@ from streamdash.engine.geometry import Geometry
 from streamdash.plots import flyby as plot
 from streamdash.plots import flyby_words as words
 from streamdash.plots import passing as orbits
-from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.live import LiveFigure
 from streamdash.survey.flyby import Scene, make_film, see, struck
 from streamdash.survey.passing import passing
 
@@ -34,17 +34,17 @@ LAST = FRAMES - 1
 WAITING = "Computing the film …"
 FILM_LEGEND = (
     ("image", "the stream"),
-    ("ink", "its density"),
-    ("dashes", "without any fly-by"),
-    ("hand", "the stars that were hit, drifting with the stream"),
+    ("line-ink", "its density"),
+    ("dashes-grey", "without any fly-by"),
+    ("dots-hand", "the stars that were hit, drifting with the stream"),
     ("dots-grey", "random fly-bys: drops that reach the stream when they pass"),
 )
-SKY_LEGEND = (("dots-grey", "stars of the stream"), ("hand", "the dark object"))
-KICK_LEGEND = (("hand", "along the stream"), ("dashes", "across it"))
+SKY_LEGEND = (("dots-grey", "stars of the stream"), ("dots-hand", "the dark object"))
+KICK_LEGEND = (("line-hand", "along the stream"), ("dashes-grey", "across it"))
 SEEN_LEGEND = (
     ("dots-grey", "as observed, with noise"),
-    ("ink", "without noise"),
-    ("hand", "dashed: the fly-by in hand alone"),
+    ("line-ink", "without noise"),
+    ("dashes-hand", "the fly-by in hand alone"),
 )
 STEP_AWAY = 0.37
 """How far from the last one, in lengths of the stream, the next fly-by is put."""
@@ -270,7 +270,7 @@ class FlybyLesson:
 
     def _ink(self) -> None:
         for live in (self.density_live, self.gap_live, self.seen_live):
-            live.set_ink(self.session.theme == "dark")
+            live.set_ink(self.session.dark)
 
     def _say(self, film: bool = True) -> None:
         if film:
@@ -315,7 +315,7 @@ class FlybyLesson:
         )
         return pn.Column(
             mass_slider(page),
-            ui.slider(page, "b", "Closest approach (times its size r_s)", step=0.1, format="0.0"),
+            ui.slider(page, "b", "Closest approach (times its size)", step=0.1, format="0.0"),
             ui.slider(page, "when", "When (Gyr before today)", step=0.1, start=times[0], end=times[-1]),
             ui.slider(page, "where", "Where (0: progenitor, 1: far end)", step=0.01),
             finer,
@@ -345,28 +345,31 @@ class FlybyLesson:
             "The gap opens: from the first fly-by until today",
             film,
             name="film",
-            image=lambda kind: export(self._film_layout(), kind),
+            page=self.page,
+            drawn=lambda: self._film_layout(),
             table=lambda: words.film_table(self.film),
             code=lambda: self.code(
                 f"film_figure(Cache.default(), scene, frame={self.session.frame}", "film_figure", "film"
             ),
-            legend=ui.legend(FILM_LEGEND, 1),
+            legend=ui.legend(FILM_LEGEND),
         )
         self.kick_card = ui.FigureCard(
             "The kick: what the fly-by in hand did to the stars’ velocities",
             [self.kick_live.figure, self.turn_live.figure],
             name="kick",
-            image=lambda kind: export(plot.kick_layout(self.kick, "matplotlib"), kind),
+            page=self.page,
+            drawn=lambda: plot.kick_layout(self.kick, "matplotlib"),
             table=lambda: words.kick_table(self.kick),
             code=lambda: self.code("kick_figure(Cache.default(), scene.flybys[-1]", "kick_figure", "kick"),
-            legend=ui.legend(KICK_LEGEND, 1),
+            legend=ui.legend(KICK_LEGEND),
         )
         self.seen_live_pane = ui.figure_grid([self.seen_live.figure])
         self.sky_card = ui.FigureCard(
             "The fly-by itself, as it would have been seen on the sky",
             pn.Column(self.sky_player, ui.figure_grid([self.sky_live.figure]), sizing_mode=ui.WIDE, margin=0),
             name="sky",
-            image=lambda kind: export(orbits.draw_passing(self.passing, self._sky_frame, "matplotlib"), kind),
+            page=self.page,
+            drawn=lambda: orbits.draw_passing(self.passing, self._sky_frame, "matplotlib"),
             table=lambda: orbits.passing_table(self.passing),
             code=lambda: self.code(
                 f"passing_figure(Cache.default(), scene.flybys[-1], {self._sky_frame}",
@@ -374,18 +377,19 @@ class FlybyLesson:
                 "sky",
                 "passing",
             ),
-            legend=ui.legend(SKY_LEGEND, 1),
+            legend=ui.legend(SKY_LEGEND),
         )
         self.seen_card = ui.FigureCard(
             "What is left to see today",
             pn.Column(ui.noise_slider(self.page), self.seen_live_pane, sizing_mode=ui.WIDE, margin=0),
             name="seen",
-            image=lambda kind: export(plot.draw_seen(self.seen, "matplotlib"), kind),
+            page=self.page,
+            drawn=lambda: plot.draw_seen(self.seen, "matplotlib"),
             table=lambda: words.seen_table(self.seen),
             code=lambda: self.code(
                 f"seen_figure(Cache.default(), scene, noise={self.session.noise:g}", "seen_figure", "seen"
             ),
-            legend=ui.legend(SEEN_LEGEND, 1),
+            legend=ui.legend(SEEN_LEGEND),
         )
 
     def _film_layout(self) -> Any:

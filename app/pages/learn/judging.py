@@ -33,9 +33,9 @@ class EvidenceStep(Step):
     uses = frozenset({"noise", "n_bin", "exclude"})
     by_class = True
     legend = (
-        ("line", "lines: median of the streams"),
+        ("line", "median of the streams"),
         ("band", "68 % of them"),
-        ("grey", "bins that do not count"),
+        ("band-grey", "bins that do not count"),
     )
 
     def compute(self) -> None:
@@ -120,7 +120,10 @@ class QuestionStep(Step):
     uses = frozenset({"noise"})
     ink = (story.NOISE,)
     by_class = True
-    legend = (("dashes", "shot noise"),)
+    legend = (
+        ("line-dots", "median; bars: 68 % of the streams"),
+        ("dashes-ink", "shot noise"),
+    )
 
     def compute(self) -> None:
         self.width = self.services.observed(self.choices).design.step
@@ -152,7 +155,7 @@ class QuestionStep(Step):
         return [ui.noise_slider(self.page)]
 
     def draw(self, backend: Backend) -> hv.Overlay:
-        return story.draw_pieces(self.data, backend)
+        return story.draw_pieces(self.data, self.configs, backend)
 
     def columns(self) -> Columns:
         return story.pieces_columns(self.data)

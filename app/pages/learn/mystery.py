@@ -43,7 +43,7 @@ class MysteryStep(Step):
     title = "Who made this gap?"
     legend: tuple[tuple[str, str], ...] = (
         ("dots-grey", "stars counted, over what is expected"),
-        ("dashes", "a stream that nothing has hit"),
+        ("dashes-grey", "a stream that nothing has hit"),
     )
     reveal = False
     question = "What could leave such marks?"
@@ -161,10 +161,10 @@ class OrbitsStep(Step):
     uses = frozenset({"mass10"})
     ink = (orbits.PATH.format(orbits.FREE),)
     legend = (
-        ("ink", "left alone"),
-        ("hand", "pulled forward"),
-        ("class-0", "held back"),
-        ("dashes", "their ways"),
+        ("dots-ink", "left alone"),
+        ("dots-hand", "pulled forward"),
+        (f"dots-{orbits.BACK_COLOUR}", "held back"),
+        ("dashes-grey", "their ways"),
     )
     question = "A star is pulled forward. Where is it, 700 million years later?"
 
@@ -228,7 +228,7 @@ class OddsStep(Step):
     uses = frozenset({"noise", "seed", "n_bin", "exclude"})
     by_class = True
     ink = (story.THIS,)
-    legend = (("dashes", "one new stream"),)
+    legend = (("dashes-ink", "one new stream"),)
     question = "Draw another stream, hit by the heavier objects. Which way will its odds point?"
 
     @property
@@ -273,7 +273,7 @@ class OddsStep(Step):
         ]
 
     def draw(self, backend: Backend) -> hv.Overlay:
-        return story.draw_odds(self.found, self.value, backend)
+        return story.draw_odds(self.found, self.value, self.ends, backend)
 
     def columns(self) -> Columns:
         return story.odds_columns(self.found, self.value)

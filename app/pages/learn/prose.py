@@ -9,6 +9,8 @@ from typing import Any
 import param
 from panel.custom import JSComponent
 
+from app.ui.browser import SUBSCRIPTS
+
 HANDLE = re.compile(r"\*\*(\w+)~([^*]+)\*\*")
 
 
@@ -22,7 +24,9 @@ class Prose(JSComponent):
     text = param.String("", doc="paragraphs, divided by empty lines")
     moved = param.Parameter(None, doc="[name, steps, count] of the last move of a number")
 
-    _esm = r"""
+    _esm = (
+        SUBSCRIPTS
+        + r"""
     export function render({model}) {
       const box = document.createElement("div")
       box.className = "sd-prose"
@@ -67,19 +71,19 @@ class Prose(JSComponent):
             const moved = part.match(/^\*\*(\w+)~([^*]+)\*\*$/)
             if (moved) {
               const b = handle(moved[1])
-              b.textContent = plain(moved[2])
+              b.replaceChildren(...typeset(plain(moved[2])))
               b.setAttribute("aria-valuetext", b.textContent)
               b.setAttribute("aria-valuenow", parseFloat(b.textContent) || 0)
               p.append(b)
             } else if (part.startsWith("**")) {
               const b = document.createElement("b")
-              b.textContent = plain(part.slice(2, -2))
+              b.replaceChildren(...typeset(plain(part.slice(2, -2))))
               p.append(b)
             } else if (part.startsWith("*") && part.length > 2) {
               const i = document.createElement("em")
               i.textContent = plain(part.slice(1, -1))
               p.append(i)
-            } else { p.append(plain(part)) }
+            } else { p.append(...typeset(plain(part))) }
           }
           return p
         })
@@ -91,6 +95,7 @@ class Prose(JSComponent):
       return box
     }
     """
+    )
     _stylesheets = [
         """
         .sd-prose { font: 16px/1.5 Roboto, sans-serif; font-size: var(--sd-prose-size, 16px); }

@@ -27,13 +27,13 @@ from streamdash.classifier.quiz import Clue, draw_rounds, find_clue, learn, poin
 from streamdash.classifier.train import Judged
 from streamdash.observe.wording import percent
 from streamdash.plots import quiz as plot
-from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.live import LiveFigure
 from streamdash.streams import bin_text
 from streamdash.survey.observed import ObservedStreams
 
 USES = frozenset({"difficulty", "game", "round", "answers", "average", "theme"})
-LEGEND = (("ink", "averaged over bins"), ("line", "without noise (once revealed)"))
-CLUE_LEGEND = (("line", "streams that were not asked about, by class"), ("dashes", "this stream"))
+LEGEND = (("line-ink", "averaged over bins"), ("line", "without noise (once revealed)"))
+CLUE_LEGEND = (("line", "streams that were not asked about, by class"), ("dashes-ink", "this stream"))
 WILL_BE_SENT = "When all ten are answered, your result goes to your teacher’s screen, without your name."
 SENT = "Your result has gone to your teacher’s screen, without your name."
 NOT_SENT = "Your class is closed, or plays another game: your result stays here."
@@ -200,7 +200,7 @@ class QuizLesson:
         self.clue = self._find_clue() if self.revealed else None
         self.clue_card.view.visible = self.revealed
         if self.clue is not None:
-            drawn = plot.draw_clue(self.clue, self.streams.design.step, "bokeh")
+            drawn = plot.draw_clue(self.clue, self.streams.design.step, "bokeh", self.round.names)
             self.clue_live = LiveFigure(drawn, ink=("this",))
             self.clue_figure[:] = [ui.figure_pane(self.clue_live.figure)]
             self.clue_card.say(plot.clue_sentence(self.clue, self.round))
@@ -292,7 +292,7 @@ class QuizLesson:
         )
 
     def _ink(self) -> None:
-        dark = self.session.theme == "dark"
+        dark = self.session.dark
         if self.live is not None:
             self.live.set_ink(dark)
         if self.clue is not None:
@@ -307,8 +307,8 @@ class QuizLesson:
         """What the stream is shown and answered with; other classes need others."""
         self.names = [choice.label for choice in self.choices]
         self.buttons = [
-            ui.class_button(i, name, lambda i=i: self.guess(i), css_classes=[f"sd-guess-{i}"])  # type: ignore[misc]
-            for i, name in enumerate(self.names)
+            ui.class_button(i, self.choices, lambda i=i: self.guess(i), css_classes=[f"sd-guess-{i}"])  # type: ignore[misc]
+            for i in range(len(self.names))
         ]
         count = len(self.names)
         if self.inner is not None:
@@ -358,34 +358,36 @@ class QuizLesson:
         ]
 
     def _make_cards(self) -> None:
-        count = len(self.streams.q)
+        configs = self.streams.configs
         dots = ("dots-grey", f"observed, one dot per {bin_text(self.streams.configs[0].stream)}")
         self.card = ui.FigureCard(
             "What made these gaps?",
             self.figure,
             name="quiz",
-            image=lambda kind: export(self._drawn(), kind),
+            page=self.page,
+            drawn=lambda: self._drawn(),
             table=lambda: plot.round_table(self.round, self.revealed),
             code=lambda: self._code(
                 "quiz_figure", f", average={self.session.average}, reveal={self.revealed}", "quiz"
             ),
-            legend=ui.legend((dots, *LEGEND), count),
+            legend=ui.legend((dots, *LEGEND), configs),
         )
         self.clue_card = ui.FigureCard(
             "What gave it away",
             self.clue_figure,
             name="clue",
-            image=lambda kind: export(self._drawn_clue(), kind),
+            page=self.page,
+            drawn=lambda: self._drawn_clue(),
             table=lambda: plot.clue_table(self._known_clue(), self.round.names),
             code=lambda: self._code("clue_figure", "", "clue"),
-            legend=ui.legend(CLUE_LEGEND, count),
+            legend=ui.legend(CLUE_LEGEND, configs),
         )
 
     def _drawn(self) -> Any:
         return plot.draw_round(self.round, self.session.average, self.revealed, "matplotlib")
 
     def _drawn_clue(self) -> Any:
-        return plot.draw_clue(self._known_clue(), self.streams.design.step, "matplotlib")
+        return plot.draw_clue(self._known_clue(), self.streams.design.step, "matplotlib", self.round.names)
 
     def _known_clue(self) -> Clue:
         if self.clue is None:

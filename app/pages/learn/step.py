@@ -13,8 +13,8 @@ from app.page import Page
 from app.pages.learn.predict import Outcome
 from app.ui.player import Player
 from app.ui.templates import literally
-from streamdash.config import StreamModel
-from streamdash.naming import COLOUR_WORDS, model_labels
+from streamdash.config import EnsembleConfig, StreamModel
+from streamdash.naming import COLOUR_WORDS, class_colours, model_labels
 from streamdash.plots.live import Backend, Columns
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
@@ -52,12 +52,25 @@ class Step:
     @property
     def colours(self) -> tuple[str, str]:
         """What the colours of the lowest and of the highest mass range are called."""
-        return COLOUR_WORDS[0], COLOUR_WORDS[len(self.choices) - 1]
+        first, *_, last = class_colours(self.configs)
+        return COLOUR_WORDS[first], COLOUR_WORDS[last]
+
+    @property
+    def configs(self) -> list[EnsembleConfig]:
+        """Configurations of the classes."""
+        return [choice.config for choice in self.choices]
+
+    @property
+    def ends(self) -> list[EnsembleConfig]:
+        """Those of the lowest and the highest mass range."""
+        return [self.configs[0], self.configs[-1]]
 
     def swatches(self) -> list[tuple[str, str]]:
         """The whole legend."""
-        labels = model_labels([choice.config for choice in self.choices]) if self.by_class else []
-        return [*((f"class-{i}", label) for i, label in enumerate(labels)), *self.legend]
+        labels = model_labels(self.configs) if self.by_class else []
+        colours = class_colours(self.configs) if self.by_class else []
+        named = ((f"line-{colour}", label) for colour, label in zip(colours, labels, strict=True))
+        return [*named, *self.legend]
 
     @property
     def heavy(self) -> str:

@@ -34,7 +34,7 @@ class StreamStep(Step):
     """What a stellar stream is."""
 
     title = "A stream of stars"
-    legend = (("dots-grey", "the stream: the thicker, the more stars"), ("hand", "the progenitor"))
+    legend = (("dots-grey", "the stream: the thicker, the more stars"), ("dots-hand", "the progenitor"))
 
     def compute(self) -> None:
         self.track = track(self.geometry)
@@ -97,9 +97,9 @@ class GapStep(Step):
     ink = (flyby_plot.NOW,)
     legend = (
         ("image", "the stream today"),
-        ("ink", "its density"),
-        ("dashes", "without the fly-by"),
-        ("hand", "the stars that were hit"),
+        ("line-ink", "its density"),
+        ("dashes-grey", "without the fly-by"),
+        ("dots-hand", "the stars that were hit"),
     )
 
     def compute(self) -> None:
@@ -216,7 +216,7 @@ class ManyStep(Step):
         return [ui.button("Draw others", self._draw_others, css_classes=["sd-draw-others"], margin=(4, 10))]
 
     def draw(self, backend: Backend) -> hv.Overlay:
-        return story.draw_pair(self.design, self.clean, self.noisy, self.noise, backend)
+        return story.draw_pair(self.design, self.clean, self.noisy, self.noise, self.configs, backend)
 
     def columns(self) -> Columns:
         return story.pair_columns(self.design, self.clean, self.noisy, self.noise)
@@ -267,7 +267,10 @@ class NoiseStep(ManyStep):
 
     title = "What a telescope counts"
     uses = frozenset({"seed", "noise"})
-    legend = (("dots", "dots: with the scatter of counting; lines: without"),)
+    legend = (
+        ("dots", "with the scatter of counting"),
+        ("line", "without"),
+    )
 
     question = "Count four times as many stars. What happens to the noise?"
 

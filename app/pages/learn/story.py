@@ -19,7 +19,7 @@ from app.session.listing import ensembles_code
 from app.session.session import Session, link_to
 from app.ui.browser import Links
 from streamdash.config import StreamModel
-from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.live import LiveFigure
 
 DRAGGED = {"mass10": 0.25, "noise": 0.02}
 """Numbers that can be dragged in the text, and their steps."""
@@ -75,9 +75,7 @@ class StoryLesson:
         self.back = ui.button("Back", lambda: self._go(-1), css_classes=["sd-back"], **foot)
         self.on = ui.button("Next step", lambda: self._go(1), css_classes=["sd-on"], **foot)
         self._limit()
-        glossary = pn.pane.Markdown(
-            GLOSSARY, renderer_options={"html": False}, sizing_mode=ui.WIDE, margin=(0, 8)
-        )
+        glossary = ui.Html(ui.from_markdown(GLOSSARY), margin=(0, 8))
         buttons = [self.back, self.on]
         if wall:
             buttons.append(
@@ -118,7 +116,7 @@ class StoryLesson:
                 self.live.move(ranges[0], ranges[1])
             self._say()
         if "theme" in changed:
-            self.live.set_ink(self.session.theme == "dark")
+            self.live.set_ink(self.session.dark)
             self._link()
 
     def close(self) -> None:
@@ -135,7 +133,7 @@ class StoryLesson:
         self.inner = Page(session, self.page.services)
         self.step: Step = STEPS[session.step - 1](self.inner)
         self.live = LiveFigure(self.step.draw("bokeh"), ink=self.step.ink)
-        self.live.set_ink(session.theme == "dark")
+        self.live.set_ink(session.dark)
         self.words = Prose(margin=(0, 4), sizing_mode=ui.WIDE, css_classes=["sd-story"])
         self.words.on_move(self._move)
         self.links = Links(sizing_mode=ui.WIDE, margin=(4, 4), css_classes=["sd-links"])
@@ -154,10 +152,11 @@ class StoryLesson:
             step.title,
             figure,
             name=f"story-{session.step}",
-            image=lambda kind: export(step.draw("matplotlib"), kind),
+            page=self.page,
+            drawn=lambda: step.draw("matplotlib"),
             table=step.table,
             code=self.code,
-            legend=ui.legend(step.swatches(), len(session.ensembles)),
+            legend=ui.legend(step.swatches(), session.configs),
             bare=wall,
         )
         self._say()

@@ -41,7 +41,7 @@ def listing(choices: Sequence[Choice], assumptions: Assumptions, example: bool) 
         "observation = interpret(read_table(file.read_bytes()), assumptions, geometry)",
         "prepared = prepare(cache, ensembles, observation.design)",
         "print(text(report(judge(prepared, observation), observation, prepared)))",
-        'figure = draw(observation, prepared.bands(), "matplotlib")',
+        'figure = draw(observation, prepared.bands(), prepared.labels, "matplotlib")',
         'Path("observe.png").write_bytes(export(figure, "png"))',
     ]
     return "\n".join(lines) + "\n"

@@ -32,6 +32,7 @@ from app.pages.observe.reading import (
     changes_of,
     example_words,
     file_of,
+    kept_name,
     look_at,
     look_at_example,
     question,
@@ -51,13 +52,13 @@ from streamdash.naming import class_labels, class_names
 from streamdash.observe.provenance import provenance_words, signed
 from streamdash.observe.wording import tried, truth_words
 from streamdash.plots import observe
-from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.live import LiveFigure
 from streamdash.plots.report_html import report_html
 from streamdash.streams import stream_of, stream_text
 from streamdash.survey.mock import EXAMPLE_TRUTH
 
 LEGEND = (
-    ("ink", "measured, with errors"),
+    ("bars-ink", "measured, with errors"),
     ("band", "where 68 % of a class's streams lie, observed alike"),
     ("line", "its median"),
 )
@@ -127,6 +128,7 @@ class ObservePage(Page):
             self._refuse,
             limit=int(1e6 * self.services.uploads.max_upload_mb),
             announce=self._await,
+            kept=kept_name(self.session),
             margin=(4, 10),
             styles={"flex": "1 1 200px", "min-width": "0"},
             css_classes=["sd-drop"],
@@ -347,10 +349,10 @@ class ObservePage(Page):
 
     def _draw(self) -> None:
         """Draw the measurement, alone and over the classes, in the page's ink."""
-        dark = self.session.theme == "dark"
+        dark, configs = self.session.dark, self.session.configs
         observation = self.look.observation if self.look is not None else self.reading.observation
         bands = self.look.bands if self.look is not None else None
-        drawn = None if observation is None else observe.draw(observation, bands, "bokeh", dark)
+        drawn = None if observation is None else observe.draw(observation, bands, configs, "bokeh", dark)
         self.slot[:] = [ui.plain_text("Observing the simulated streams …") if drawn is None else _pane(drawn)]
 
     def _card(self) -> ui.FigureCard:
@@ -358,12 +360,13 @@ class ObservePage(Page):
             "The profile over the classes",
             self.slot,
             name="observe",
-            image=lambda kind: export(
-                observe.draw(self._seen().observation, self._seen().bands, "matplotlib"), kind
+            page=self,
+            drawn=lambda: observe.draw(
+                self._seen().observation, self._seen().bands, self.session.configs, "matplotlib"
             ),
             table=lambda: observe.table(self._seen().observation, self._seen().bands, self._labels()),
             code=self._code,
-            legend=ui.legend(LEGEND, len(self.session.ensembles)),
+            legend=ui.legend(LEGEND, self.session.configs),
         )
 
     def _forget(self) -> None:

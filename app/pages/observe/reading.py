@@ -82,6 +82,11 @@ def example_words(model: StreamModel) -> str:
     return "Try the example" + ("" if model == home else f", of the {stream_of(home).title} stream")
 
 
+def kept_name(session: Session) -> str:
+    """Name of the file that was chosen and is shown, for a page that is built anew; empty for none."""
+    return session.upload.name if session.upload is not None and session.example == "no" else ""
+
+
 def read_for(results: Results, stream: StreamModel, upload: Upload, changes: Mapping[str, Any]) -> Reading:
     """`read` for a stream whose geometry is in the cache."""
     return read(upload, changes, results.geometry(stream))

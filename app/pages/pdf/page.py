@@ -14,13 +14,13 @@ from app.services.comparison import shared_comparison
 from app.session.listing import code_head
 from streamdash.plots import pdf
 from streamdash.plots.answers import pdf_answer
-from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.live import LiveFigure
 from streamdash.statistics.evidence import Comparison
 
 LEGEND = (
     ("line", "median over streams, in class colour"),
     ("band", "68 % of the streams"),
-    ("grey", "bins that do not count for the evidence"),
+    ("band-grey", "bins that do not count for the evidence"),
     ("frame", "the bin looked into: click another, or move Bin α"),
 )
 
@@ -30,7 +30,7 @@ class PdfPage(Page):
 
     key, title, group = "pdf", "PDF", "Explore"
     question = "How often does each density occur, and which densities tell the mass ranges apart?"
-    uses = frozenset({"noise", "n_bin", "alpha", "exclude", "theme"})
+    uses = frozenset({"noise", "n_bin", "alpha", "exclude", "focus", "theme"})
 
     def view(self) -> Viewable:
         self.opening = ui.Opening(self.question)
@@ -38,28 +38,31 @@ class PdfPage(Page):
         chosen = self.session.configs
         self.live = LiveFigure(pdf.draw(self.data, chosen, "bokeh", self.selected), ink=(pdf.SELECTED,))
         self.live_y = LiveFigure(pdf.draw_y(self.data, self.selected, chosen, "bokeh"))
-        self.live.set_ink(self.session.theme == "dark")
+        self.live.set_ink(self.session.dark)
+        ui.show_bands(self, self.live)
         self._listen()
         self.slider = ui.number_slider("Bin α", 1, self.n_bin, self.selected + 1, "alpha")
         self.slider.param.watch(self._slid, "value")
-        classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
+        classes = [ui.class_heading(i, self.session.ensembles) for i in range(len(self.session.ensembles))]
         self.card = ui.FigureCard(
             "PDF of Qρ along a stream",
             self.live.figure,
             name="pdf",
-            image=lambda kind: export(pdf.draw(self.data, self.session.configs, "matplotlib"), kind),
+            page=self,
+            drawn=lambda: pdf.draw(self.data, self.session.configs, "matplotlib"),
             table=lambda: pdf.table(self.data, self.session.configs),
             code=self.code,
-            legend=ui.legend(LEGEND, len(chosen)),
+            legend=ui.legend(LEGEND, chosen),
         )
         self.card_y = ui.FigureCard(
             "One bin: Π(y_α|M) over the streams",
             self.live_y.figure,
             name="pdf-bin",
-            image=lambda kind: export(self._y_figure(), kind),
+            page=self,
+            drawn=lambda: self._y_figure(),
             table=lambda: pdf.y_table(self.data, self.selected, self.session.configs),
             code=self.code_y,
-            legend=ui.legend((("band", "distribution of y_α, in class colour"),), len(chosen)),
+            legend=ui.legend((("band", "distribution of y_α, in class colour"),), chosen),
         )
         self._say()
         return ui.page_layout(
@@ -82,7 +85,9 @@ class PdfPage(Page):
 
     def update(self, changed: frozenset[str]) -> None:
         if "theme" in changed:
-            self.live.set_ink(self.session.theme == "dark")
+            self.live.set_ink(self.session.dark)
+        if "focus" in changed:
+            ui.show_bands(self, self.live)
         if changed & {"noise", "n_bin", "exclude"}:
             self._recompute(keep_place="n_bin" in changed and "alpha" not in changed)
         elif "alpha" in changed:
@@ -118,8 +123,8 @@ class PdfPage(Page):
 
     def _controls(self) -> Viewable:
         return ui.side_panel(
-            [ui.noise_slider(self), ui.int_slider(self, "n_bin", "Bins of Qρ, N_bin")],
-            [ui.stream_picker(self), ui.ensemble_picker(self), self.slider],
+            [ui.noise_slider(self), ui.int_slider(self, "n_bin", "Bins of Qρ")],
+            [ui.stream_picker(self), ui.ensemble_picker(self), self.slider, *ui.band_picker(self)],
         )
 
     def _recompute(self, keep_place: bool) -> None:

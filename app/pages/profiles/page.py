@@ -15,7 +15,7 @@ from app.session.listing import ensembles_code
 from app.session.session import OWN
 from streamdash.plots import profiles
 from streamdash.plots.answers import profiles_answer
-from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.live import LiveFigure
 from streamdash.plots.style import COORDINATE_LABELS, coordinate_label
 from streamdash.store.cache import StoreError
 from streamdash.streams import SkyFrame, stream_of
@@ -25,11 +25,11 @@ INKED = (profiles.MEDIAN, profiles.SMOOTH)
 LEGEND = (
     ("image", "all simulated streams"),
     ("band", "68 % of them"),
-    ("ink", "their median"),
+    ("line-ink", "their median"),
     ("line", "highlighted streams"),
-    ("dashes", "smooth stream without perturbers"),
+    ("dashes-ink", "smooth stream without perturbers"),
 )
-REDRAW = frozenset({"x", "y"})
+REDRAW = frozenset({"x", "y", "scale"})
 """Changes of axes: they need new figures; all others only new data."""
 
 
@@ -43,7 +43,7 @@ class ProfilesPage(Page):
 
     key, title, group = "profiles", "Profiles", "Explore"
     question = "What do perturbers of different masses do to the density along a stream?"
-    uses = frozenset({"noise", "x", "y", "highlight", "seed", "theme"})
+    uses = frozenset({"noise", "x", "y", "scale", "highlight", "seed", "theme"})
 
     height = ui.FIGURE_HEIGHT
     """Height of a panel, in terms of CSS."""
@@ -61,10 +61,11 @@ class ProfilesPage(Page):
             "Simulated profiles along the stream",
             self.grid,
             name="profiles",
-            image=lambda kind: export(self.layout(), kind),
+            page=self,
+            drawn=lambda: self.layout(),
             table=self.table,
             code=self.code,
-            legend=ui.legend(LEGEND, len(self.session.ensembles)),
+            legend=ui.legend(LEGEND, self.session.configs),
         )
         self._draw()
         return ui.page_layout(self.card.view, opening=self.opening, panel=self._controls())
@@ -75,9 +76,13 @@ class ProfilesPage(Page):
             return
         if "theme" in changed:
             for live in self.live.values():
-                live.set_ink(self.session.theme == "dark")
+                live.set_ink(self.session.dark)
         if changed - {"theme"}:
+            before = [panel.extent for panel in self.panels]
             self.panels = self._compute()
+            if before != [panel.extent for panel in self.panels]:  # a scale of its own follows the noise
+                self._draw(computed=True)
+                return
             for cell, panel in zip(self.cells, self.panels, strict=True):
                 self.live[cell].patch(profiles.columns(panel))
             self.say()
@@ -114,9 +119,15 @@ class ProfilesPage(Page):
             f"    noise={session.noise:g},\n"
             f"    highlight={session.highlight},\n"
             f"    seed={session.seed},\n"
-            ")\n"
+            + (f'    scale="{self.scale}",\n' if self.scale != "shared" else "")
+            + ")\n"
             'Path("profiles.png").write_bytes(export(figure, "png"))\n'
         )
+
+    @property
+    def scale(self) -> str:
+        """Vertical scale of the figures."""
+        return self.session.scale
 
     def draw_others(self) -> None:
         """Highlight other random streams."""
@@ -133,6 +144,7 @@ class ProfilesPage(Page):
                 ui.ensemble_picker(self),
                 ui.toggle(self, "y", "Quantity"),
                 ui.toggle(self, "x", "Along the stream", axes),
+                ui.toggle(self, "scale", "Vertical scale"),
                 ui.int_slider(self, "highlight", "Highlighted streams"),
                 ui.button("Draw others", self.draw_others, css_classes=["sd-draw-others"], margin=(4, 10)),
             ],
@@ -149,7 +161,8 @@ class ProfilesPage(Page):
                 self.failures[cell] = str(error)
                 continue
             axis = frame_of(choice).longitude if session.x == OWN else session.x
-            panels.append(bands.compute(binned, index, axis, session.noise, session.highlight, session.seed))
+            chosen = session.noise, session.highlight, session.seed, self.scale
+            panels.append(bands.compute(binned, index, axis, *chosen))
             self.cells.append(cell)
         return panels
 
@@ -178,24 +191,27 @@ class ProfilesPage(Page):
             ),
         )
 
-    def _draw(self) -> None:
+    def _draw(self, computed: bool = False) -> None:
         """New figures, for new axes."""
-        self.panels = self._compute()
+        if not computed:
+            self.panels = self._compute()
+        told = zip(self.cells, self.panels, profiles.colours(self.panels), strict=True)
         self.live = {
-            cell: LiveFigure(profiles.draw(panel, "bokeh"), ink=INKED)
-            for cell, panel in zip(self.cells, self.panels, strict=True)
+            cell: LiveFigure(profiles.draw(panel, "bokeh", colour=colour), ink=INKED)
+            for cell, panel, colour in told
         }
         cells: list[Viewable] = []
         both = any(choice.arms for choice in self.session.ensembles)
         for cell, (index, choice) in enumerate(self._shown()):
-            heading = ui.class_heading(index, choice, f"{choice.config.stream.arm} arm" if both else "")
+            arm = f"{choice.config.stream.arm} arm" if both else ""
+            heading = ui.class_heading(index, self.session.ensembles, arm)
             if cell in self.failures:
                 cells.append(pn.Column(heading, ui.error_state(self.failures[cell]), sizing_mode=ui.WIDE))
                 continue
             live = self.live[cell]
-            live.set_ink(self.session.theme == "dark")
+            live.set_ink(self.session.dark)
             cells.append(ui.figure_cell(heading, live.figure, self.height))
-        # Four stand two by two, up to three side by side, and so do the two arms of every class.
-        self.grid[:] = [ui.figure_grid(cells, narrowest=560 if both or len(cells) == 4 else 420)]
+        # As many side by side as there is room for; the two arms of every class stand in a row.
+        self.grid[:] = [ui.figure_grid(cells, narrowest=560 if both else 380)]
         if self.panels:
             self.say()

@@ -150,8 +150,10 @@ def panel_of(config: EnsembleConfig, glimpse: xr.Dataset | None, finished: xr.Da
         panel = dataclasses.replace(panel, low=none, high=none, median=none)
     if glimpse is None:
         return panel
-    few = bin_angles(glimpse, config).values.T
-    return dataclasses.replace(panel, streams=np.arange(len(few)), highlighted=few)
+    first = bin_angles(glimpse, config)
+    few = first.values.T
+    hits = first.n_impacts if len(first.n_impacts) else np.zeros(len(few), dtype=np.int32)
+    return dataclasses.replace(panel, streams=np.arange(len(few)), highlighted=few, impacts=hits)
 
 
 def coarse_previews(

@@ -32,9 +32,11 @@ from app.session.visitor import this_visitor
 from app.work.later import REST_S, Later
 from app.work.tasks import Task, Watch
 from streamdash.config import ConfigError, EnsembleConfig
+from streamdash.naming import ACCENT
 from streamdash.plots import profiles
-from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.live import LiveFigure
 from streamdash.simulation.jobs import JobStatus, Refused
+from streamdash.simulation.limits import check_size
 from streamdash.simulation.preview import coarse_config
 from streamdash.streams import stream_text
 from streamdash.survey.bands import Bands
@@ -49,9 +51,9 @@ INKED = (profiles.MEDIAN, profiles.SMOOTH)
 LEGEND = (
     ("image", "finished streams"),
     ("band", "68 % of them"),
-    ("ink", "their median"),
+    ("line-ink", "their median"),
     ("line", "the first five"),
-    ("dashes", "smooth stream without perturbers"),
+    ("dashes-ink", "smooth stream without perturbers"),
 )
 
 
@@ -80,15 +82,17 @@ class SimulatePage(Page):
         self.progress = Progress(self.start, self.cancel, self.see_profiles, self.preview)
         self.caveats = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.others = Others(self.show)
-        self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
+        self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0, css_classes=["sd-sim-figure"])
+        self.knobs, self.fields = knobs(self)
         self.card = ui.FigureCard(
             "The first streams, and all as they are finished",
             self.slot,
             name="simulate",
-            image=lambda kind: export(profiles.layout(self._ready(), "matplotlib"), kind),
+            page=self,
+            drawn=lambda: profiles.layout(self._ready(), "matplotlib", ACCENT),
             table=self.table,
             code=self.code,
-            legend=ui.legend(LEGEND, 1),
+            legend=ui.legend(LEGEND),
         )
         self._read()
         self.follow("catalog", self.look)
@@ -102,13 +106,13 @@ class SimulatePage(Page):
             self.others.view,
             self.caveats,
             opening=ui.Opening(self.question),
-            panel=ui.side_panel([stream, population], [arms, self.components.view, knobs(self)]),
+            panel=ui.side_panel([stream, population], [arms, self.components.view, self.knobs]),
         )
 
     def update(self, changed: frozenset[str]) -> None:
         if "theme" in changed:
             for live in self.lives:
-                live.set_ink(self.session.theme == "dark")
+                live.set_ink(self.session.dark)
         if changed & TEXTS:
             self._read()
 
@@ -126,6 +130,8 @@ class SimulatePage(Page):
 
     def start(self) -> None:
         """Start or resume what the knobs say, or join those who wait for the same."""
+        if not self.configs:  # what is wrong stands there
+            return
         try:
             place, _ = this_visitor()
             for config in self.configs:
@@ -255,15 +261,20 @@ class SimulatePage(Page):
             self.configs = configs_of(texts)
             self.config = self.configs[0]
             self.components.show(self.config, _place_of(texts, self.config))
-        except ConfigError as error:
+            for config in self.configs:
+                check_size(config, self.services.jobs.limits)
+        except (ConfigError, Refused) as error:
+            wrong = f"Streams: {error}" if isinstance(error, Refused) else str(error)
             self.config, self.configs = None, ()
             self.progress.coarse.visible = False
             self.later.cancel()
             self.soon.cancel()
             self._waiting = False
             self.progress.announce("", can_start=False, resume=False)
-            self.progress.refuse(str(error))
+            self.progress.refuse(wrong)
+            self._mark(wrong)
             return
+        self._mark("")
         self.caveats[:] = [ui.stream_caveats(self.config.stream)]
         self.watch.leave()
         self.progress.refuse("")
@@ -271,6 +282,14 @@ class SimulatePage(Page):
         self.soon.ask(partial(glance, self.services, self.configs, n_workers(self.services.jobs.limits)), 0.0)
         self._ask(())
         self.look()
+
+    def _mark(self, wrong: str) -> None:
+        """Say at its field what is wrong and dim the figure of other settings; nothing: all is well."""
+        for label, field in self.fields.items():
+            field.say(wrong.partition(": ")[2] if wrong.startswith(f"{label}: ") else "")
+        self.slot.styles = {"opacity": "0.3"} if wrong else {}
+        if wrong:
+            self.card.say("The figure is of the settings before: these cannot be used.", ready=False)
 
     def _ask(self, about: tuple, rest_s: float = REST_S) -> None:
         configs, services = self.configs, self.services
@@ -333,10 +352,12 @@ class SimulatePage(Page):
             self.slot[:] = [ui.plain_text("There are no streams to show yet.", margin=(16, 0))]
             self.card.say("")
         elif not self.lives or shape != self._drawn_shape:
-            self.lives = [LiveFigure(profiles.draw(panel, "bokeh"), ink=INKED) for panel in panels]
+            self.lives = [
+                LiveFigure(profiles.draw(panel, "bokeh", colour=ACCENT), ink=INKED) for panel in panels
+            ]
             cells = []
             for live, panel in zip(self.lives, panels, strict=True):
-                live.set_ink(self.session.theme == "dark")
+                live.set_ink(self.session.dark)
                 heading = ui.caption(stream_text(panel.config.stream))
                 cells.append(ui.figure_cell(heading, live.figure))
             self.slot[:] = [ui.figure_grid(cells, narrowest=420)]

@@ -28,6 +28,7 @@ from app.pages.simulate.own import OWN
 from app.pages.simulate.presets import PRESETS
 from app.session.catalog import Choice, label_of
 from app.ui.browser import LiveText
+from app.ui.widgets import TextField
 from streamdash.config import ConfigError, EnsembleConfig, Perturbers, Population
 from streamdash.naming import differences, population_text
 from streamdash.population import COMPONENTS_MAX
@@ -138,17 +139,18 @@ class Components:
         return pn.Column(name, self._numbers[i], row, sizing_mode=ui.WIDE, margin=0)
 
 
-def knobs(page: Page) -> Viewable:
-    """All knobs with units, bounds and help; the stream model's are folded away."""
-    title = ui.text_field(
+def knobs(page: Page) -> tuple[Viewable, dict[str, TextField]]:
+    """All knobs with units, bounds and help, the stream model's folded away; and the fields by label."""
+    title = TextField(
         page, "sim_title", "Name (optional)", "Under which everybody will find it, beside its mass range."
-    )
+    ).view
+    fields: dict[str, TextField] = {}
     groups = {
-        group: [_field(page, k) for k in KNOBS if k.group == group and k.name != ARM]
+        group: [_field(page, k, fields) for k in KNOBS if k.group == group and k.name != ARM]
         for group in (SAMPLE, SUBHALOS, STREAM)
     }
     first, *others = groups[SUBHALOS]
-    return pn.Column(
+    view = pn.Column(
         _grid([first, *groups[SAMPLE], title]),
         ui.folded(
             f"{SUBHALOS}: more",
@@ -160,6 +162,7 @@ def knobs(page: Page) -> Viewable:
         sizing_mode=ui.WIDE,
         margin=0,
     )
+    return view, fields
 
 
 def _grid(fields: list[Viewable]) -> Viewable:
@@ -167,14 +170,16 @@ def _grid(fields: list[Viewable]) -> Viewable:
     return pn.Column(ui.figure_grid(fields, narrowest=230), sizing_mode=ui.WIDE, margin=(10, 0, 0, 0))
 
 
-def _field(page: Page, knob: Knob) -> Viewable:
+def _field(page: Page, knob: Knob, fields: dict[str, TextField]) -> Viewable:
     if knob.options:
         words = {option.capitalize(): option for option in knob.options}
         parts = [ui.toggle(page, knob.name, knob.label, words), ui.caption(knob.help)]
         return pn.Column(*parts, sizing_mode=ui.WIDE, margin=0)
     label = f"{knob.label} ({knob.unit})" if knob.unit else knob.label
     bounds = f" {knob.bounds[0].upper() + knob.bounds[1:]}." if knob.bounds else ""
-    return ui.text_field(page, knob.name, label, knob.help + bounds, "" if knob.default else "none")
+    empty = "" if knob.default else "none"
+    fields[knob.label] = TextField(page, knob.name, label, knob.help + bounds, empty)
+    return fields[knob.label].view
 
 
 class Progress:

@@ -22,7 +22,7 @@ from streamdash.classifier.data import ClassifierError
 from streamdash.config import EnsembleConfig
 from streamdash.plots import spectrum
 from streamdash.plots.answers import spectrum_answer
-from streamdash.plots.live import LiveFigure, export
+from streamdash.plots.live import LiveFigure
 from streamdash.statistics.bispectrum import Bispectrum
 from streamdash.statistics.spectra_in_noise import Shown, show
 from streamdash.statistics.spectrum import NoisySpectra, SpectrumBand, observed_spectra, shot_noise_level
@@ -31,8 +31,10 @@ from streamdash.survey.design import Design
 LEGEND = (
     ("line", "median over streams, noise included"),
     ("band", "68 % of the streams"),
-    ("dashes", "median without noise (in class colour); the paper’s 8° and 20° (grey)"),
-    ("ink", "shot noise alone; grey band: 68 % of its draws"),
+    ("dashes", "median without noise"),
+    ("dashes-grey", "the paper’s 8° and 20°"),
+    ("line-ink", "shot noise alone"),
+    ("band-grey", "68 % of its draws"),
 )
 LEGEND_PLAIN = (("line", "median over streams"), ("band", "68 % of the streams"))
 PARTS: tuple[spectrum.Part, ...] = ("real", "imaginary")
@@ -66,7 +68,7 @@ class SpectrumPage(Page):
     def view(self) -> Viewable:
         """The page; of both arms, the figures of each side by side: there is no power across the gap."""
         arms = self.session.ensembles[0].arms
-        self.statistics = self._statistics(len(self.session.ensembles))
+        self.statistics = self._statistics()
         if arms:
             self.arms = [SpectrumPage(self.session, self.services, i) for i in range(len(arms))]
             columns = [
@@ -80,7 +82,7 @@ class SpectrumPage(Page):
             figures: list[Viewable] = [ui.figure_grid(columns, narrowest=420)]
         else:
             figures = self.cards()
-        classes = [ui.class_heading(i, choice) for i, choice in enumerate(self.session.ensembles)]
+        classes = [ui.class_heading(i, self.session.ensembles) for i in range(len(self.session.ensembles))]
         panel = ui.side_panel([ui.noise_slider(self)], [ui.stream_picker(self), ui.ensemble_picker(self)])
         return ui.page_layout(
             ui.controls(*classes),
@@ -103,14 +105,14 @@ class SpectrumPage(Page):
             kind: LiveFigure(spectrum.draw(self.data, chosen, kind, "bokeh"), ink=(spectrum.NOISE,))
             for kind in spectrum.KINDS
         }
-        self.live["density"].set_ink(self.session.theme == "dark")
+        self.live["density"].set_ink(self.session.dark)
         self.live_b: dict[spectrum.Part, LiveFigure] = {}
         self.later = Later(self.services, self._show_bispectra, self._fail)
         self.statements = ui.Html(stylesheets=[STYLE], css_classes=["sd-statements"])
         self.slots = {
             part: pn.Column(ui.plain_text(WAITING), sizing_mode=ui.WIDE, margin=0) for part in PARTS
         }
-        self._make_cards(len(chosen))
+        self._make_cards()
         self._say()
         self._ask()
         return [self.card.view, self.track_card.view, self.bispectrum_card.view]
@@ -124,7 +126,7 @@ class SpectrumPage(Page):
     def renew(self, changed: frozenset[str]) -> None:
         """Patch the figures of one arm."""
         if "theme" in changed:
-            self.live["density"].set_ink(self.session.theme == "dark")
+            self.live["density"].set_ink(self.session.dark)
         if "noise" in changed:
             self.data = self._shown()
             for kind, live in self.live.items():
@@ -176,7 +178,7 @@ class SpectrumPage(Page):
         """Of the names of cards and files: the arm, where there are both."""
         return "" if self.arm is None else f"-{self.choices[0].config.stream.arm}"
 
-    def _make_cards(self, count: int) -> None:
+    def _make_cards(self) -> None:
         figure = self.live["density"].figure
         below = pn.Column(pn.pane.Bokeh(figure, sizing_mode=ui.WIDE, margin=0), self.statements, margin=0)
         self.card = ui.FigureCard(
@@ -184,37 +186,40 @@ class SpectrumPage(Page):
             # Beside another arm the table has its place under the figure.
             [figure, self.statements] if self.arm is None else below,
             name=f"spectrum{self._suffix}",
-            image=lambda kind: export(self._figure("density"), kind),
+            page=self,
+            drawn=lambda: self._figure("density"),
             table=lambda: spectrum.table(self.data, self.configs, ["density"]),
             code=self.code,
-            legend=ui.legend(LEGEND, count),
+            legend=ui.legend(LEGEND, self.configs),
         )
         self.track_card = ui.FigureCard(
             "Power spectrum of the track, and cross spectrum with the density",
             [self.live["track"].figure, self.live["cross"].figure],
             name=f"spectrum-track{self._suffix}",
-            image=lambda kind: export(self._figure("track") + self._figure("cross"), kind),
+            page=self,
+            drawn=lambda: self._figure("track") + self._figure("cross"),
             table=lambda: spectrum.table(self.data, self.configs, ["track", "cross"]),
             code=self.code_track,
-            legend=ui.legend(LEGEND_PLAIN, count),
+            legend=ui.legend(LEGEND_PLAIN, self.configs),
         )
         self.bispectrum_card = ui.FigureCard(
             "Bispectrum of the density",
             list(self.slots.values()),
             name=f"bispectrum{self._suffix}",
-            image=lambda kind: export(self._bispectrum("real") + self._bispectrum("imaginary"), kind),
+            page=self,
+            drawn=lambda: self._bispectrum("real") + self._bispectrum("imaginary"),
             table=lambda: spectrum.bispectrum_table(self.bispectra, self.configs),
             code=self.code_bispectrum,
-            legend=ui.legend(LEGEND_PLAIN, count),
+            legend=ui.legend(LEGEND_PLAIN, self.configs),
         )
 
-    def _statistics(self, count: int) -> StudyCard | None:
+    def _statistics(self) -> StudyCard | None:
         """The comparison of statistics; None where the chosen ensembles are not classes to tell apart."""
         try:
             study = statistics_study(self.services, self.session)
         except ClassifierError:
             return None
-        card = StudyCard(study, self.services.work, count)
+        card = StudyCard(study, self.services.work, self)
         card.renew()
         return card
 
