@@ -62,6 +62,8 @@ LEGEND = (
     ("band", "where 68 % of a class's streams lie, observed alike"),
     ("line", "its median"),
 )
+LONG = 60
+"""Letters of a verdict that can stand above the figure."""
 INVITATION = "Choose a table of its density, or look at the example."
 BLANK: dict[str, Any] = {"columns": {}, **dict.fromkeys(LINKED.values(), AUTO)}
 
@@ -286,7 +288,9 @@ class ObservePage(Page):
     def _say_next(self) -> None:
         """What comes next, above the figure."""
         if self.outcome is not None:
-            self.opening.say(self.outcome.result["answer"])
+            verdict = self.outcome.result["answer"].partition(". ")[0].rstrip(".")
+            # The whole of it is a paragraph, which would push the figure out of a phone's sight.
+            self.opening.say(f"{verdict if len(verdict) < LONG else 'Answered'}: see below the figure.")
         elif self.reading.observation is not None:
             self.opening.say("Look at it over the classes, check what is assumed, then press Classify.")
         elif self.reading.table is not None:
