@@ -44,11 +44,11 @@ async def visit(number: int, address: str, stay_s: float, measured: Measured) ->
     measured.here += 1
     measured.most = max(measured.most, measured.here)
     for page in rng.choice(PAGES, 3, p=[0.4, 0.2, 0.2, 0.2]):
-        left = time.monotonic() + stay / 3
         visitor = None
         try:
             visitor = await Visitor.open(address, f"page={page}{rng.choice(OWN)}")
             measured.figures.append(visitor.figure_s)
+            left = time.monotonic() + stay / 3
             while time.monotonic() < left:
                 due = time.monotonic() + EVERY_S
                 measured.moves.append(await visitor.move(round(rng.uniform(0.05, 0.3), 2)))
