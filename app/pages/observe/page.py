@@ -19,6 +19,7 @@ from app.pages.observe.parts import (
     STYLE,
     AssumptionControls,
     answer_html,
+    introduction,
     list_html,
     numbers_html,
     preview_html,
@@ -54,7 +55,6 @@ from streamdash.observe.wording import tried, truth_words
 from streamdash.plots import observe
 from streamdash.plots.live import LiveFigure
 from streamdash.plots.report_html import report_html
-from streamdash.streams import stream_of, stream_text
 from streamdash.survey.mock import EXAMPLE_TRUTH
 
 LEGEND = (
@@ -411,18 +411,6 @@ class ObservePage(Page):
     def _code(self) -> str:
         example = self.session.example == "yes" or self.reading.source is None
         return listing(self.session.ensembles, self._seen().observation.assumptions, example)
-
-
-def introduction(model: StreamModel) -> str:
-    """What to upload, and what becomes of it."""
-    longitude = stream_of(model).frame.longitude_symbol
-    return (
-        f"Upload the density of {stream_text(model)}, along the stream as you measured it: a text table with "
-        f"a position ({longitude} or Galactic longitude), a value and, best, an error for each bin. "
-        "Simulated streams are then observed with your bins, errors and gaps, and the answer comes with how "
-        "often it is right at that quality. The file stays in this session’s memory and is gone when you "
-        "close the page."
-    )
 
 
 def _html(css_class: str) -> ui.Html:

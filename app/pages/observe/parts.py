@@ -17,11 +17,13 @@ from app import ui
 from app.pages.observe.reading import Reading
 from app.pages.observe.state import AUTO, LINKED, ORDERS, ObserveState
 from app.ui.templates import render
+from streamdash.config import StreamModel
 from streamdash.observe.guess import ERROR_UNITS, KINDS, NOTHING, Assumptions
 from streamdash.observe.observation import NAMES
 from streamdash.observe.table import Table, shown
 from streamdash.observe.verdict import COSTS
 from streamdash.plots.report_html import result_tables, robustness_table
+from streamdash.streams import stream_of, stream_text
 from streamdash.words import number_of
 
 NONE = "none"
@@ -65,17 +67,19 @@ tbody th { font-weight: 400; }
 
 
 CHIP = """
-:host { margin: 0 !important; }
+:host { margin: 0 !important; max-width: 100% !important; min-width: 0 !important; }
 :host(.sd-asked) .bk-input-group { border-color: #e69f00; border-width: 2px; background: #e69f0026; }
 .bk-input-group { display: inline-flex !important; flex-direction: row !important; align-items: center;
-  gap: 4px; border: 1px solid #80808099; border-radius: 17px; padding: 0 4px 0 12px; width: auto !important; }
+  gap: 4px; border: 1px solid #80808099; border-radius: 17px; padding: 0 4px 0 12px; width: auto !important;
+  max-width: 100%; box-sizing: border-box; }
 .bk-input-group > label, .bk-input-group > .bk-label {
   position: static !important; transform: none !important;
   padding: 0 !important; margin: 0 !important; background: none !important; white-space: nowrap;
   font: 13px/1.4 Roboto, sans-serif; opacity: 0.85; }
 .bk-input { border: 0 !important; background-color: transparent !important; height: 32px !important;
   min-height: 32px !important; padding: 2px 22px 2px 6px !important; margin: 0 !important;
-  font: 500 14px/1.4 Roboto, sans-serif; width: auto !important; max-width: 260px; color: inherit; }
+  font: 500 14px/1.4 Roboto, sans-serif; width: auto !important; max-width: 260px; color: inherit;
+  min-width: 0; flex: 0 1 auto !important; text-overflow: ellipsis; }
 .bk-spin-btn { display: none !important; }  /* they have no names; arrow keys do the same */
 input.bk-input { max-width: 76px; padding-right: 4px !important; }
 """
@@ -248,3 +252,15 @@ def _number(label: str) -> Viewable:
 
 def _cell(value: float) -> str:
     return "–" if np.isnan(value) else f"{value:g}"
+
+
+def introduction(model: StreamModel) -> str:
+    """What to upload, and what becomes of it."""
+    longitude = stream_of(model).frame.longitude_symbol
+    return (
+        f"Upload the density of {stream_text(model)}, along the stream as you measured it: a text table with "
+        f"a position ({longitude} or Galactic longitude), a value and, best, an error for each bin. "
+        "Simulated streams are then observed with your bins, errors and gaps, and the answer comes with how "
+        "often it is right at that quality. The file stays in this session’s memory and is gone when you "
+        "close the page."
+    )
