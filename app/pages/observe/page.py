@@ -16,9 +16,9 @@ from app import ui
 from app.page import Page
 from app.pages.observe.code import listing
 from app.pages.observe.parts import (
-    STYLE,
     AssumptionControls,
     answer_html,
+    html,
     introduction,
     list_html,
     numbers_html,
@@ -94,8 +94,8 @@ class ObservePage(Page):
         self.status = LiveText(margin=(4, 10), css_classes=["sd-observe-status"])
         self.problem = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.assumptions = AssumptionControls(self.session)
-        self.preview = _html("sd-preview")
-        self.stated = _html("sd-stated")
+        self.preview = html("sd-preview")
+        self.stated = html("sd-stated")
         self.controls = TaskControls(
             "Classify", self.classify, self.watch.cancel, "classify", color="primary", size="large"
         )
@@ -103,10 +103,10 @@ class ObservePage(Page):
         self.read_part = _column(self.stated, self.assumptions.view)
         self.rows_part = _column(self.preview)
         self.opening = ui.Opening(self.question)
-        self.answer, self.numbers, self.caveats = _html("sd-answer"), _html("sd-numbers"), _html("sd-caveats")
+        self.answer, self.numbers, self.caveats = html("sd-answer"), html("sd-numbers"), html("sd-caveats")
         self.truth = ui.plain_text("", css_classes=["sd-truth"], styles={"font-size": "17px"})
         self.reveal = ui.button("Reveal the truth", self._reveal, css_classes=["sd-reveal"])
-        self.holds = _html("sd-robustness")
+        self.holds = html("sd-robustness")
         self.holds_status = LiveText(margin=(4, 10), css_classes=["sd-robustness-status"])
         self.slot = pn.Column(sizing_mode=ui.WIDE, margin=0)
         self.card = self._card()
@@ -311,8 +311,7 @@ class ObservePage(Page):
         if task.state != "done" or task.key != self.expected or source is None:
             return
         outcome: Outcome = replace(task.result, result=signed(task.result.result, source))
-        self.outcome = outcome
-        result = outcome.result
+        self.outcome, result = outcome, outcome.result
         self.answer.write(answer_html(result))
         self.numbers.write(numbers_html(result))
         self.caveats.write(
@@ -411,10 +410,6 @@ class ObservePage(Page):
     def _code(self) -> str:
         example = self.session.example == "yes" or self.reading.source is None
         return listing(self.session.ensembles, self._seen().observation.assumptions, example)
-
-
-def _html(css_class: str) -> ui.Html:
-    return ui.Html(stylesheets=[STYLE], css_classes=[css_class], margin=(0, 10))
 
 
 def _column(*parts: Viewable) -> pn.Column:

@@ -264,3 +264,8 @@ def introduction(model: StreamModel) -> str:
         "often it is right at that quality. The file stays in this session’s memory and is gone when you "
         "close the page."
     )
+
+
+def html(css_class: str) -> ui.Html:
+    """Text of this page."""
+    return ui.Html(stylesheets=[STYLE], css_classes=[css_class], margin=(0, 10))
