@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from streamdash.classifier.model import BEST, ClassifierConfig
+from streamdash.classifier.model import BEST, Classifier, ClassifierConfig, committee_proba
 from streamdash.classifier.train import Judged, Progress, ShouldStop, train
 from streamdash.config import EnsembleConfig
 from streamdash.prior import Prior
@@ -37,20 +37,32 @@ class FreeAbundance:
         Share of the same held-out streams that the classifier of the fixed abundance puts right.
     fixed_confidence : float
         Mean probability that it gives to its answers there.
+    models : tuple of Classifier
+        Those whose mean is the answer, the first of them that of `judged`.
     """
 
     judged: Judged
     fixed_accuracy: float
     fixed_confidence: float
+    models: tuple[Classifier, ...]
 
     @classmethod
     def of(
-        cls, judged: Judged, streams: ObservedStreams, sigma: float | np.ndarray, fixed: Judged
+        cls,
+        judged: Judged,
+        streams: ObservedStreams,
+        sigma: float | np.ndarray,
+        fixed: Judged,
+        models: Sequence[Classifier] = (),
     ) -> FreeAbundance:
-        """From a classifier of streams of free abundance with errors `sigma`, and one of a fixed one."""
+        """From classifiers of streams of free abundance with errors `sigma`, and one of a fixed one."""
         said = fixed.classifier.predict_proba(streams.observed(sigma)[judged.rows])
         right = float(np.mean(said.argmax(axis=1) == judged.y))
-        return cls(judged, right, float(said.max(axis=1).mean()))
+        return cls(judged, right, float(said.max(axis=1).mean()), tuple(models) or (judged.classifier,))
+
+    def predict_proba(self, q: np.ndarray) -> np.ndarray:
+        """Probability of each class (n, n_classes) for profiles (n, n_bin), the abundance free."""
+        return committee_proba(self.models, q).mean(axis=0)
 
     @property
     def accuracy(self) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,6 +17,9 @@ from streamdash.cli.common import (
     progress_bar,
     wrong_input,
 )
+
+if TYPE_CHECKING:
+    from streamdash.store.cache import Cache
 
 
 def convergence_command(
@@ -34,6 +37,15 @@ def convergence_command(
     text: Annotated[
         Path | None, typer.Option("--text", metavar="FILE.md", help="Write tables and verdicts there.")
     ] = None,
+    answers: Annotated[
+        Path | None,
+        typer.Option(
+            "--answers",
+            metavar="DIR",
+            help="Instead: do classifier and evidence change with rate, age and settings? Simulates some "
+            "hundred streams of each, and writes table and numbers there.",
+        ),
+    ] = None,
     cache: CacheOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -41,6 +53,9 @@ def convergence_command(
 
     After Ctrl-C the same command goes on where it ended. Only spectra are kept, not the ensembles.
     """
+    if answers is not None:
+        _answers(answers, make_cache(cache), workers)
+        return
     from streamdash.convergence.knobs import KNOBS, knob
     from streamdash.convergence.spectra import compute_missing
     from streamdash.convergence.text import as_numbers, convergence_markdown, cost, cost_sentence, measure
@@ -82,3 +97,28 @@ def convergence_command(
             text.write_text(convergence_markdown(found, spent), encoding="utf-8")
         except OSError as error:
             raise InputError(f"{text} cannot be written ({error.strerror}).") from None
+
+
+def _answers(folder: Path, cache: Cache, workers: int | None) -> None:
+    """Whether classifier and evidence change with the simulations: printed, and written into a folder."""
+    from streamdash.classifier.other_streams import (
+        other_streams_markdown,
+        other_streams_results,
+        simulate_missing,
+    )
+    from streamdash.cli.reproduce import keep, make_folder
+    from streamdash.simulation.workers import WorkerError
+
+    make_folder(folder)
+    try:
+        with progress_bar() as titled, wrong_input():
+            simulate_missing(cache, workers=workers, progress=titled("Streams made otherwise"))
+    except WorkerError as error:
+        raise InputError(str(error)) from error
+    except KeyboardInterrupt:
+        messages.print("Interrupted: what is finished is kept; the same command resumes there.")
+        raise typer.Exit(130) from None
+    results = other_streams_results(cache)
+    markdown = other_streams_markdown(results)
+    print(markdown, end="")
+    keep(folder, {"other_streams.json": results, "other_streams.md": markdown})

@@ -2,23 +2,25 @@
 
 A classifier that learnt from streams observed as the table says is sure of itself also where the table is
 wrong: a survey whose depth varies along the stream, errors larger than stated, bins that lie elsewhere or
-run the other way. Here simulated streams are observed so, and those of which the classifier is sure all the
-same, and wrong, are kept. Trees learn to tell them from honest streams of which it is just as sure. Their
-score is ranked among honest streams that nothing was trained on and that were called the same, so that a
-fraction p of honest sure answers looks as misled or more.
+run the other way. Here simulated streams are observed so, and those of which it is sure all the same, and
+wrong, are kept. For each kind of mistake and each class that is answered, trees learn to tell them from
+honest streams of which the same is said as surely. Their score is ranked among honest streams that nothing
+was trained on, so that a fraction p of honest sure answers looks as misled or more.
 
 Only streams that mislead are learnt from: to see that a small wave is there which changes no answer would
-cost false alarms and gain nothing.
+cost false alarms and gain nothing. For the same reason an answer counts as sure where it is so both at the
+simulated abundance and with the abundance free: what hangs on the abundance is said to do so anyhow.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 import xgboost
+from scipy.special import logit
 
 from streamdash.classifier.model import Classifier
 from streamdash.observe.resemblance import TREES as CLOUD_TREES
@@ -26,21 +28,25 @@ from streamdash.observe.resemblance import Cloud
 from streamdash.statistics.features import summarise
 from streamdash.survey.design import Design, measured, polynomial_fit
 
-SURE = 0.9
-"""An answer above this probability can mislead; one below is undecided anyhow."""
-MISLED = 0.015
+Answers = Callable[[np.ndarray], np.ndarray]
+"""Probabilities (n, n_classes) of profiles (n, n_bin)."""
+SURE = 0.95
+"""An answer above this probability can mislead; one below says itself that it may be wrong."""
+MISLED = 0.03
 """Below this p-value a sure answer is said to hang on an assumption about the data."""
-WAVE, ERRORS, PLACE = "wave", "errors", "place"
-SHARES = {(WAVE, ERRORS): 0.7, (PLACE,): 0.3}
-"""Kinds of wrong assumptions that one detector looks for, and its share of the false alarms."""
+WAVE, ERRORS, PLACE, DIRECTION = "wave", "errors", "place", "direction"
+SHARES = {WAVE: 0.52, ERRORS: 0.02, PLACE: 0.02, DIRECTION: 0.44}
+"""Kinds of wrong assumptions, and the share of the false alarms that the detector of each may give."""
 WORDS = {
     WAVE: "The evenness of the survey decides. The profile looks like one on which a smooth wave along the "
     "stream was laid, of the survey's depth or of the background: without that wave, its perturbers may be "
     "others.",
     ERRORS: "The errors decide. The profile scatters from bin to bin as if its errors were larger than "
     "stated: if they are, its perturbers may be others.",
-    PLACE: "The positions decide. The profile looks like a stream that runs the other way, or whose bins lie "
-    "some degrees elsewhere: check the coordinate.",
+    PLACE: "The positions decide. The profile looks like one whose bins lie some degrees elsewhere: check "
+    "the coordinate.",
+    DIRECTION: "The direction decides. The profile looks like a stream that runs the other way: check the "
+    "sign of the coordinate and which end is near the progenitor.",
 }
 """What is said of a profile whose answer hangs on an assumption."""
 AMPLITUDES = (0.05, 0.5)
@@ -51,24 +57,30 @@ ERROR_FACTORS = (1.3, 2.6)
 """Smallest and largest factor by which errors are larger than stated."""
 SHIFT = 4.0
 """Most bins by which positions are off."""
-COPIES = {"wave": 4, "smooth wave": 2, "errors": 4, "shift": 2, "reversed": 2, "honest": 3, "held out": 4}
+COPIES = {"wave": 9, "smooth wave": 4, "errors": 3, "shift": 2, "reversed": 8, "honest": 9, "held out": 10}
 """Times every stream is observed in each way."""
 ORDERS = (5, 8)
 """Orders of polynomials whose remainders show what is left without smooth waves."""
 TREES = {
     "objective": "binary:logistic",
-    "max_depth": 4,
+    "max_depth": 6,
     "eta": 0.1,
-    "colsample_bytree": 0.3,
-    "subsample": 0.7,
+    "colsample_bytree": 0.5,
+    "subsample": 0.5,
     "lambda": 1.0,
     "tree_method": "hist",
     "max_bin": 64,
     "nthread": 1,
 }
-ROUNDS, ROUNDS_OF_NAMES = 250, 60
+ROUNDS = 350
+SIEVE = {**TREES, "max_depth": 4, "eta": 0.3, "max_bin": 16}
+"""Few coarse trees that find which features tell a kind of mistake."""
+SIEVE_ROUNDS, SIEVE_ROWS, KEPT = 30, 3, 60
+"""They are shown every third stream; so many features are kept of all."""
 LEAST_LEARNT = 30
 """Of fewer misled streams nothing is learnt: no alarm of this kind is needed."""
+LEAST_ODDS = 1e-5
+"""Probabilities are told apart down to this."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +92,7 @@ class Misled:
     p : float
         Share of honest streams, called the same and with as much certainty, that look as misled or more.
     kind : str
-        What would explain the profile best: `WAVE`, `ERRORS` or `PLACE`; empty where nothing is suspected.
+        What would explain the profile best, a key of `WORDS`; empty where nothing is suspected.
     """
 
     p: float
@@ -94,48 +106,86 @@ class Misled:
 
 @dataclass(frozen=True, eq=False)
 class _Detector:
-    """Trees for some kinds, their names, and the scores of honest streams by the class they are called."""
+    """Trees that know one kind of mistake among answers of one class, and the scores of honest streams."""
 
-    kinds: tuple[str, ...]
+    kind: str
+    called: int
     share: float
-    trees: xgboost.Booster | None
-    names: xgboost.Booster | None
-    honest: tuple[np.ndarray, ...]
+    columns: np.ndarray
+    trees: xgboost.Booster
+    honest: np.ndarray
+
+    def ranks(self, x: np.ndarray) -> np.ndarray:
+        """Share of honest streams that look as misled or more, over this detector's share of the alarms."""
+        worse = len(self.honest) - np.searchsorted(self.honest, _margin(self.trees, x[:, self.columns]))
+        return (1 + worse) / (1 + len(self.honest)) / self.share
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """What the trees look at: both answers, what the checks see, and remainders without smooth waves."""
+
+    head: Classifier
+    free: Answers | None
+    cloud: Cloud
+    fits: tuple[np.ndarray, ...]
+
+    def sure(self, q: np.ndarray, said: np.ndarray | None = None) -> np.ndarray:
+        """The class that is surely answered for each profile, −1 where none is."""
+        said = self.head.predict_proba(q) if said is None else said
+        called = np.where(said.max(axis=1) > SURE, said.argmax(axis=1), -1)
+        rows = np.flatnonzero(called >= 0)
+        if self.free is not None and len(rows):
+            also = self.free(q[rows])[np.arange(len(rows)), called[rows]] > SURE
+            called[rows[~also]] = -1
+        return called
+
+    def __call__(self, q: np.ndarray) -> np.ndarray:
+        summaries = summarise(q, CLOUD_TREES.features)
+        seen = self.head.features(
+            q, summaries if self.head.features.features == CLOUD_TREES.features else None
+        )
+        parts = [self.cloud.features(q, summaries), seen, self.head.probability(seen)]
+        if self.free is not None:
+            parts.append(logit(np.clip(self.free(q), LEAST_ODDS, 1 - LEAST_ODDS)))
+        for fit in self.fits:
+            curve = q @ fit.T
+            rest = q - curve
+            near, next_but_one = rest[:, 1:] * rest[:, :-1], rest[:, 2:] * rest[:, :-2]
+            numbers = (rest.std(axis=1), np.abs(rest).mean(axis=1), rest.min(axis=1), rest.max(axis=1))
+            parts += [np.stack((*numbers, near.mean(axis=1), next_but_one.mean(axis=1)), axis=1), curve]
+        waves = np.fft.rfft(q - q.mean(axis=1, keepdims=True), axis=1)
+        parts.append(np.log(np.abs(waves[:, 1:]) + 1e-3))
+        return np.concatenate(parts, axis=1).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
     """The detectors for one design; made by `learn_misfit`."""
 
-    head: Classifier
-    cloud: Cloud
-    fits: tuple[np.ndarray, ...]
+    view: _View
     detectors: tuple[_Detector, ...]
 
     def __call__(self, q: np.ndarray, probability: np.ndarray) -> list[Misled]:
         """What is suspected of profiles (n, n_bin), given the answers to them (n, n_classes)."""
-        x = features(q, self.head, self.cloud, self.fits)
-        called, sure = probability.argmax(axis=1), probability.max(axis=1) > SURE
-        ranks = np.ones((len(self.detectors), len(q)))
-        for d, detector in enumerate(self.detectors):
-            if detector.trees is None:
+        found = [Misled(1.0, "")] * len(q)
+        sure = self.view.sure(q, probability)
+        for c in range(probability.shape[1]):
+            detectors, rows = [d for d in self.detectors if d.called == c], np.flatnonzero(sure == c)
+            if not detectors or not len(rows):
                 continue
-            scores = _margin(detector.trees, x)
-            for c, honest in enumerate(detector.honest):
-                mine = called == c
-                worse = len(honest) - np.searchsorted(honest, scores[mine], side="left")
-                ranks[d, mine] = (1 + worse) / (1 + len(honest)) / detector.share
-        found = []
-        for i in range(len(q)):
-            d = int(ranks[:, i].argmin())
-            p = float(min(1.0, ranks[d, i]))
-            kind = _kind(self.detectors[d], x[i : i + 1]) if sure[i] and p < MISLED else ""
-            found.append(Misled(p, kind))
+            x = self.view(q[rows])
+            ranks = np.stack([detector.ranks(x) for detector in detectors])
+            for i, row in enumerate(rows):
+                d = int(ranks[:, i].argmin())
+                p = float(min(1.0, ranks[d, i]))
+                found[row] = Misled(p, detectors[d].kind if p < MISLED else "")
         return found
 
 
 def learn_misfit(
     head: Classifier,
+    free: Answers | None,
     cloud: Cloud,
     design: Design,
     clean: np.ndarray,
@@ -151,6 +201,8 @@ def learn_misfit(
     ----------
     head : Classifier
         Whose certainty is looked at.
+    free : callable or None
+        Answers with the abundance of each class free, where there are such.
     cloud : Cloud
         Where the streams of each class lie.
     clean : ndarray (n_streams, n_bin)
@@ -168,60 +220,46 @@ def learn_misfit(
         for order in ORDERS
         if order + 2 <= design.n_bin // 2
     )
+    view = _View(head, free, cloud, fits)
 
     def seen(profiles: np.ndarray, factor: np.ndarray | float = 1.0) -> np.ndarray:
         draws = (factor * rng.standard_normal(profiles.shape)).astype(np.float32)
         return measured(profiles.astype(np.float32), draws, design.sigma, design.fit).astype(np.float32)
 
-    samples: dict[str, list[np.ndarray]] = {WAVE: [], ERRORS: [], PLACE: []}
+    classes = range(int(y.max()) + 1)
+    samples: dict[tuple[str, int], list[np.ndarray]] = {(kind, c): [] for kind in SHARES for c in classes}
     for kind, profiles, factor, truth in _altered(clean[known], y[known], smooth, rng):
         q = seen(profiles, factor)
         said = head.predict_proba(q)
-        # A stream that is put elsewhere is read wrongly, whatever it is called.
-        wrong = (said.argmax(axis=1) != truth) | (kind == PLACE)
-        misled = (said.max(axis=1) > SURE) & wrong
-        if misled.any():
-            samples[kind].append(features(q[misled], head, cloud, fits))
-    honest = []
-    for _ in range(COPIES["honest"]):
-        q = seen(clean[known])
-        sure = head.predict_proba(q).max(axis=1) > SURE
-        honest.append(q[sure])
-    real = features(np.concatenate(honest), head, cloud, fits)
+        # A stream that runs the other way is read wrongly, whatever it is called.
+        wrong = (said.argmax(axis=1) != truth) | (kind == DIRECTION)
+        q, said = q[wrong], said[wrong]
+        called = view.sure(q, said)
+        for c in classes:
+            samples[kind, c].append(q[called == c])
+    honest = np.concatenate([seen(clean[known]) for _ in range(COPIES["honest"])])
     again = np.concatenate([seen(clean[held_out]) for _ in range(COPIES["held out"])])
-    said = head.predict_proba(again)
-    called = np.where(said.max(axis=1) > SURE, said.argmax(axis=1), -1)
-    ranked = features(again, head, cloud, fits)
+    for_learning, for_ranks = view.sure(honest), view.sure(again)
 
-    def learnt(kinds: tuple[str, ...], share: float) -> _Detector:
-        parts = [np.concatenate(samples[kind]) for kind in kinds if samples[kind]]
-        there = tuple(kind for kind in kinds if samples[kind])
-        if len(real) < LEAST_LEARNT or sum(map(len, parts)) < LEAST_LEARNT:
-            return _Detector(kinds, share, None, None, ())
-        trees = _trees([real, *parts], (0, *(1 for _ in parts)), ROUNDS, seed)
-        names = _trees(parts, range(len(parts)), ROUNDS_OF_NAMES, seed) if len(parts) > 1 else None
-        scores = _margin(trees, ranked)
-        by_class = tuple(np.sort(scores[called == c]) for c in range(int(y.max()) + 1))
-        return _Detector(there, share, trees, names, by_class)
+    def learnt(c: int) -> list[_Detector]:
+        misled = {kind: np.concatenate(samples[kind, c]) for kind in SHARES}
+        misled = {kind: q for kind, q in misled.items() if len(q) >= LEAST_LEARNT}
+        real, ranked = honest[for_learning == c], again[for_ranks == c]
+        if len(real) < LEAST_LEARNT or not len(ranked) or not misled:
+            return []
+        real, ranked = view(real), view(ranked)
+        whole = sum(SHARES[kind] for kind in misled)
+        found = []
+        for kind, q in misled.items():
+            x = view(q)
+            columns = _telling(real, x, seed)
+            trees = _trees(real[:, columns], x[:, columns], TREES, ROUNDS, seed)
+            scores = np.sort(_margin(trees, ranked[:, columns]))
+            found.append(_Detector(kind, c, SHARES[kind] / whole, columns, trees, scores))
+        return found
 
-    with ThreadPoolExecutor(len(SHARES)) as threads:
-        return Misfit(head, cloud, fits, tuple(threads.map(learnt, SHARES, SHARES.values())))
-
-
-def features(q: np.ndarray, head: Classifier, cloud: Cloud, fits: tuple[np.ndarray, ...]) -> np.ndarray:
-    """What the trees are given: what the head and the checks see, and remainders without smooth waves."""
-    summaries = summarise(q, CLOUD_TREES.features)
-    seen = head.features(q, summaries if head.features.features == CLOUD_TREES.features else None)
-    parts = [cloud.features(q, summaries), seen, head.probability(seen)]
-    for fit in fits:
-        curve = q @ fit.T
-        rest = q - curve
-        near, next_but_one = rest[:, 1:] * rest[:, :-1], rest[:, 2:] * rest[:, :-2]
-        numbers = (rest.std(axis=1), np.abs(rest).mean(axis=1), rest.min(axis=1), rest.max(axis=1))
-        parts += [np.stack((*numbers, near.mean(axis=1), next_but_one.mean(axis=1)), axis=1), curve]
-    waves = np.fft.rfft(q - q.mean(axis=1, keepdims=True), axis=1)
-    parts.append(np.log(np.abs(waves[:, 1:]) + 1e-3))
-    return np.concatenate(parts, axis=1).astype(np.float32)
+    with ThreadPoolExecutor(2) as threads:
+        return Misfit(view, tuple(d for found in threads.map(learnt, classes) for d in found))
 
 
 def _altered(
@@ -247,32 +285,34 @@ def _altered(
         moved = [np.interp(bins + off[i], bins, clean[i]) for i in range(n)]
         yield PLACE, np.array(moved), 1.0, y
     for _ in range(COPIES["reversed"]):
-        yield PLACE, clean[:, ::-1], 1.0, y
+        yield DIRECTION, clean[:, ::-1], 1.0, y
 
 
 def _log_uniform(ends: tuple[float, float], size: int, rng: np.random.Generator) -> np.ndarray:
     return np.exp(rng.uniform(np.log(ends[0]), np.log(ends[1]), (size, 1)))
 
 
-def _trees(
-    parts: list[np.ndarray], marks: tuple[int, ...] | range, rounds: int, seed: int
-) -> xgboost.Booster:
-    """Trees that tell parts marked 1 from those marked 0; all parts of a mark weigh the same."""
-    weights = np.concatenate([np.full(len(part), 1 / len(part)) for part in parts])
-    truth = np.repeat(list(marks), [len(part) for part in parts])
-    for mark in (0, 1):
-        weights[truth == mark] /= weights[truth == mark].mean()
+def _telling(honest: np.ndarray, misled: np.ndarray, seed: int) -> np.ndarray:
+    """The columns that tell most, by the gain of a few coarse trees that see a part of the streams."""
+    step = SIEVE_ROWS if min(len(honest), len(misled)) > SIEVE_ROWS * LEAST_LEARNT else 1
+    coarse = _trees(honest[::step], misled[::step], SIEVE, SIEVE_ROUNDS, seed)
+    gain = coarse.get_score(importance_type="total_gain")
+    best = sorted(gain, key=lambda name: -float(np.max(gain[name])))[:KEPT]
+    return np.sort([int(name.removeprefix("f")) for name in best])
+
+
+def _trees(honest: np.ndarray, misled: np.ndarray, settings: dict, rounds: int, seed: int) -> xgboost.Booster:
+    """Trees that tell misled streams from honest ones, which weigh the same together."""
+    weights = np.repeat([1 / len(honest), 1 / len(misled)], [len(honest), len(misled)])
     data = xgboost.QuantileDMatrix(
-        np.concatenate(parts), truth, weight=weights, max_bin=TREES["max_bin"], nthread=1
+        np.concatenate([honest, misled]),
+        np.repeat([0, 1], [len(honest), len(misled)]),
+        weight=weights / weights.mean(),
+        max_bin=settings["max_bin"],
+        nthread=1,
     )
-    return xgboost.train({**TREES, "seed": seed}, data, rounds)
+    return xgboost.train({**settings, "seed": seed}, data, rounds)
 
 
 def _margin(trees: xgboost.Booster, x: np.ndarray) -> np.ndarray:
     return trees.predict(xgboost.DMatrix(x, nthread=1), output_margin=True)
-
-
-def _kind(detector: _Detector, x: np.ndarray) -> str:
-    if detector.names is None:
-        return detector.kinds[0]
-    return detector.kinds[int(_margin(detector.names, x)[0] > 0)]

@@ -13,8 +13,9 @@ from streamdash.classifier.abundance import WORDS
 from streamdash.config import parse_mass_range
 from streamdash.naming import label_text
 from streamdash.observe import misfit
+from streamdash.observe.caveats import caveats
 from streamdash.observe.detection import DETECTED, smooth_p
-from streamdash.observe.observation import NAMES, Observation
+from streamdash.observe.observation import Observation
 from streamdash.observe.provenance import provenance, provenance_words
 from streamdash.observe.verdict import Prepared, Verdict
 from streamdash.observe.wording import (
@@ -29,13 +30,14 @@ from streamdash.observe.wording import (
     strange_share,
     would_change,
 )
-from streamdash.streams import stream_of
-from streamdash.words import NEAR_PROGENITOR, PROGENITOR_WORDS, number_of
 
 DECIDED = 0.75
 """Below this probability of the best class the profile is said not to decide."""
 STRONG = 5.0
-"""|ln B| of strong evidence on Jeffreys' scale; for another class than the classifier's it undecides."""
+"""|ln B| of strong evidence on Jeffreys' scale; for another class than the classifier's it undecides, if it
+is still strong once the classifier's own odds are taken off."""
+LEAST = 1e-6
+"""Probabilities are told apart down to this."""
 DECIDED_FOR, UNDECIDED, UNLIKE_ANY, NOTHING = VERDICTS = (
     "decided",
     "undecided",
@@ -141,8 +143,9 @@ def verdict_of(result: dict[str, Any]) -> str:
     """Which of `VERDICTS` it is.
 
     Undecided is a probability of the best class below `DECIDED`, at the simulated abundance or with it free,
-    an interval that crosses one half, strong PDF evidence for another class, or an answer that hangs on an
-    assumption about the data (`streamdash.observe.misfit`).
+    an interval that crosses one half, PDF evidence for another class that is strong even after the
+    classifier's odds, or an answer that hangs on an assumption about the data
+    (`streamdash.observe.misfit`).
     """
     if not result["resembles"]:
         return UNLIKE_ANY
@@ -151,9 +154,8 @@ def verdict_of(result: dict[str, Any]) -> str:
     if result["hangs_on"]["kind"]:
         return UNDECIDED
     best = _best(result)
-    clash = max(c["ln_bayes"] for c in result["classes"]) - best["ln_bayes"] > STRONG
     crosses = best["low"] < 0.5 < best["high"]
-    return UNDECIDED if _honest(result) < DECIDED or crosses or clash else DECIDED_FOR
+    return UNDECIDED if _honest(result) < DECIDED or crosses or _clash(result) else DECIDED_FOR
 
 
 def warnings(result: dict[str, Any]) -> list[str]:
@@ -173,9 +175,9 @@ def warnings(result: dict[str, Any]) -> list[str]:
     claimed = result["resembles"] and result["detected"]
     if claimed and best["low"] < 0.5 < best["high"]:
         found.append("Observed again, the same stream might be put to another class.")
-    if claimed and rival["ln_bayes"] - best["ln_bayes"] > STRONG:
+    if claimed and _clash(result):
         found.append(f"The distribution of Qρ alone is strong evidence for {name(rival)} instead.")
-    if claimed and _honest(result) < DECIDED <= best["probability"]:
+    if claimed and _overturned(result):
         found.append(f"The abundance decides. {abundance_words(result)}")
     return [*found, *_nested(result)]
 
@@ -218,6 +220,20 @@ def _free(result: dict[str, Any]) -> float:
 def _honest(result: dict[str, Any]) -> float:
     """Probability of the best class by the less sure of the two."""
     return min(_best(result)["probability"], _free(result))
+
+
+def _overturned(result: dict[str, Any]) -> bool:
+    """Whether another class would be decided for if the abundance were free."""
+    free, mine = result.get("abundance"), result["classes"].index(_best(result))
+    return free is not None and any(p > DECIDED for c, p in enumerate(free["probability"]) if c != mine)
+
+
+def _clash(result: dict[str, Any]) -> bool:
+    """Whether PDF evidence for another class is strong even after the classifier's odds against it."""
+    best = _best(result)
+    rival = max(result["classes"], key=lambda c: c["ln_bayes"])
+    odds = np.log(best["probability"] / max(rival["probability"], LEAST))
+    return bool(rival["ln_bayes"] - best["ln_bayes"] - max(odds, 0.0) > STRONG)
 
 
 def _nested(result: dict[str, Any]) -> list[str]:
@@ -310,63 +326,6 @@ def agreement(result: dict[str, Any]) -> str:
         f"right for {percent(quality['pdf_accuracy'])} of simulated streams of this quality, the classifier "
         f"for {percent(quality['accuracy'])}."
     )
-
-
-def caveats(observation: Observation, prepared: Prepared) -> list[str]:
-    """What the answer does not cover, one sentence each."""
-    design = observation.design
-    n_streams = [len(q) for q in prepared.streams.q]
-    n_near = observation.n_near
-    bins = f"{n_near} of {number_of(design.n_bin, 'bin')} {'is' if n_near == 1 else 'are'}"
-    near = [f"{bins} within θ∥ = {NEAR_PROGENITOR:g} of the progenitor. {PROGENITOR_WORDS}"] if n_near else []
-    simulated = ""
-    if max(n_streams) > min(n_streams):
-        simulated = f", though {' and '.join(map(str, n_streams))} streams of them were simulated"
-    unseen = (
-        ["A polynomial was divided out: perturbations as broad as its waves are lost, in simulations too."]
-        if design.order > 0
-        else []
-    )
-    return [
-        f"The answer is about {NAMES[design.coordinate]} from {design.low[0]:.1f}° to "
-        f"{design.high[-1]:.1f}° only.",
-        *stream_of(prepared.streams.configs[0].stream).caveats,
-        "The measured stream has a history of its own, which no model of it knows.",
-        "Only dark perturbers of the compared mass ranges at the rates simulated are considered; molecular "
-        "clouds, spiral arms, the bar and globular clusters also make gaps and are not modelled.",
-        f"All classes are taken to be equally likely beforehand{simulated}; mixtures are not considered.",
-        "Errors are taken to be Gaussian, one standard deviation, and independent from bin to bin.",
-        *_wrong_errors(prepared),
-        *unseen,
-        *_refused(prepared),
-        *near,
-    ]
-
-
-def _wrong_errors(prepared: Prepared) -> list[str]:
-    if not prepared.wrong_errors:
-        return []
-    parts = " and ".join(f"{percent(share)} at {factor:g} times" for factor, share in prepared.wrong_errors)
-    right = percent(float(prepared.judged.scores.values["overall_accuracy"]))
-    return [
-        "The probabilities hold if the errors are right. If they truly are others than stated, a classifier "
-        f"that trusts them puts {parts} the stated errors right, instead of {right}; the Classifier page has "
-        "the study."
-    ]
-
-
-def _refused(prepared: Prepared) -> list[str]:
-    if max(prepared.refused, default=0.0) < 0.01:
-        return []
-    shares = " and ".join(
-        f"{percent(share)} of {label_text(label)}"
-        for label, share in zip(prepared.streams.labels, prepared.refused, strict=True)
-        if share >= 0.01
-    )
-    return [
-        f"The polynomial of order {prepared.design.order} comes close to zero for {shares}: such streams "
-        "would be divided by a lower order, and are neither learnt from nor counted here."
-    ]
 
 
 def text(result: dict[str, Any]) -> str:

@@ -37,6 +37,8 @@ from streamdash.survey.observed import ObservedStreams
 
 N_MODELS = 8
 """Models trained on resampled streams; their spread is part of the uncertainty."""
+N_FREE = 3
+"""The same for classes whose abundance is free."""
 ERROR_FACTORS = (0.5, 1.5, 2.0)
 """By how much the errors may be wrong when it is told what that would do."""
 FEWEST = 10
@@ -233,10 +235,12 @@ def learn(
             COSTS["likeness"], learn_likeness, streams, design.sigma, smooth, known, sets.test, cloud, seed
         )
         judged = trained.result()
+        freed = None if free is None or free_trained is None else _free(free_trained.result(), free, judged)
         misfit = steps.start(
             COSTS["misfit"],
             learn_misfit,
             judged.classifier,
+            None if freed is None else freed.predict_proba,
             cloud,
             design,
             streams.clean,
@@ -273,9 +277,7 @@ def learn(
             likeness.result(),
             pdfs.result(),
             replicas.result(),
-            free=None
-            if free is None or free_trained is None
-            else FreeAbundance.of(free_trained.result(), free, design.sigma, judged),
+            free=freed,
             refused=refused,
             misfit=misfit.result(),
             wrong_errors=wrong_errors.result(),
@@ -305,7 +307,7 @@ def judge(prepared: Prepared, observation: Observation) -> Verdict:
         evidence=prepared.pdfs(q),
         judged=prepared.judged,
         misled=prepared.misfit(q[None], answer[None])[0] if prepared.misfit else Misled(1.0, ""),
-        free=None if prepared.free is None else prepared.free.judged.classifier.predict_proba(q[None])[0],
+        free=None if prepared.free is None else prepared.free.predict_proba(q[None])[0],
     )
 
 
@@ -350,6 +352,15 @@ def _as_many_of_each(rows: np.ndarray, y: np.ndarray) -> np.ndarray:
     """The first rows of each class, as many as the smallest class has."""
     parts = [rows[y[rows] == c] for c in range(int(y.max()) + 1)]
     return np.concatenate([part[: min(map(len, parts))] for part in parts])
+
+
+def _free(judged: Judged, streams: ObservedStreams, fixed: Judged) -> FreeAbundance:
+    """A committee for classes whose abundance is free: one alone is too sure at the ends of its range."""
+    sets = split(streams.y, judged.classifier.card.settings.seed)
+    others = [_resampled(judged, streams, streams.design, sets, number) for number in range(N_FREE)]
+    models, sigma = (judged.classifier, *others), streams.design.sigma
+    held_out = streams.observed(sigma)[sets.test]
+    return FreeAbundance.of(_committee(judged, models, held_out), streams, sigma, fixed, models)
 
 
 def _committee(judged: Judged, models: Sequence[Classifier], held_out: np.ndarray) -> Judged:

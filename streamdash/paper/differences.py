@@ -214,12 +214,13 @@ def _certainty(results: dict[str, Any]) -> str:
             "sums lie "
             f"within {spans}; scatter over streams {_series([p['sampling_error'] for p in pairs])}."
         )
-    noise = next(row for row in results["choices"] if row["topic"] == "Shot noise" and row["scatter_0"])
+    drawn = [
+        _series([_pair(table, i, j)["draw_error"] for table in two["tables"]]) for i, j in ((0, 1), (1, 0))
+    ]
     lines.append(
-        "That scatter keeps the bins of Qρ as they are. But their range ends at the most extreme values, "
-        "so other "
-        f"draws of the noise alone move all bins: the sums then vary by {_series(noise['scatter_0'])} "
-        f"({two['labels'][0]}) and {_series(noise['scatter_1'])} ({two['labels'][1]}; standard deviations)."
+        "That scatter keeps the bins of Qρ as they are. But their range ends at the most extreme values, so "
+        "other draws of the noise alone move all bins: as said at the top, the sums then vary by "
+        f"{drawn[0]} ({two['labels'][0]}) and {drawn[1]} ({two['labels'][1]}; standard deviations)."
     )
     growth = two["growth"]
     for curve in growth["curves"]:

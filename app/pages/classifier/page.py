@@ -13,12 +13,14 @@ from app import ui
 from app.page import Page
 from app.pages.classifier.full_range import FullRange
 from app.pages.classifier.parts import STYLE, scores_html, studies_of
+from app.pages.other_streams import other_streams_card
 from app.services.services import Unavailable
 from app.session.catalog import of_paper
 from app.ui.browser import LiveText
 from app.ui.study import StudyCard, TaskControls, study_list
 from app.work.tasks import Task, Watch
 from app.work.training import choices_of, code_head, free_task, streams_of, training
+from streamdash.classifier import other_streams
 from streamdash.classifier.model import PRESETS
 from streamdash.classifier.train import Judged
 from streamdash.paper.full_range import shipped_results
@@ -32,6 +34,7 @@ LEGEND_CALIBRATION = (
     ("dashes-grey", "honest"),
 )
 LEGEND_STREAMS = (("line", "without noise, in class colour"), ("line-grey", "as observed, with noise"))
+OTHER_STREAMS = "Accuracy where rate or age is not the trained one: what if the streams are others?"
 
 
 class ClassifierPage(Page):
@@ -77,8 +80,10 @@ class ClassifierPage(Page):
         self.train()
         shipped = shipped_results()
         self.full_range = FullRange(shipped) if shipped is not None else None
+        elsewhere = other_streams.shipped_results()
         return ui.page_layout(
             self.results,
+            *([other_streams_card(elsewhere, ("rate", "age"), OTHER_STREAMS).view] if elsewhere else []),
             *([self.full_range.view] if self.full_range else []),
             opening=self.opening,
             panel=self._choices(),

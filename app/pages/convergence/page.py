@@ -12,11 +12,13 @@ from panel.viewable import Viewable
 from app import ui
 from app.page import Page
 from app.pages.convergence.parts import STYLE, shifts_html, verdicts_html
+from app.pages.other_streams import other_streams_card
 from app.services.services import Services
 from app.session.session import Session
 from app.ui.study import TaskControls
 from app.work.pieces import laboratory
 from app.work.tasks import Compute, Task, Watch
+from streamdash.classifier import other_streams
 from streamdash.convergence.knobs import ConvergenceTest, knob
 from streamdash.convergence.spectra import missing
 from streamdash.convergence.text import Measured, cost, cost_sentence, measure
@@ -29,6 +31,9 @@ LEGEND = (
     ("band-grey", "68 % of the streams of the setting compared with"),
     ("none", "colours of the settings: see the table; last figure: density spectra against the reference"),
 )
+
+ANSWERS = "The question that matters: do classifier and evidence change?"
+SETTINGS = ("X", "times", "length", "size")
 
 
 class ConvergencePage(Page):
@@ -54,8 +59,13 @@ class ConvergencePage(Page):
         self._make_cards()
         self._show()
         self._show_all()
+        answers = other_streams.shipped_results()
         return ui.page_layout(
-            self.card.view, self.all_card.view, opening=self.opening, panel=self._controls()
+            self.card.view,
+            self.all_card.view,
+            *([other_streams_card(answers, SETTINGS, ANSWERS).view] if answers else []),
+            opening=self.opening,
+            panel=self._controls(),
         )
 
     @property
