@@ -159,7 +159,9 @@ class Cache:
         xarray.Dataset
             ``density``, ``omega`` (stream, theta) float32, ``n_impacts`` (stream,), ``smooth``,
             ``omega_smooth`` (theta,); density in units of the smooth stream's near the
-            progenitor, frequencies in natural units, theta in rad.
+            progenitor, frequencies in natural units, theta in rad. Of more than
+            `streamdash.store.reading.IN_MEMORY` streams, the profiles stay on disk: they are read, and
+            compared with their checksums, where they are used, a part at a time.
 
         Raises
         ------

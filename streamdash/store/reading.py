@@ -1,14 +1,26 @@
-"""Reading an ensemble: all of it, its first streams, or what is finished of it."""
+"""Reading an ensemble: all of it, its first streams, or what is finished of it.
+
+A large one stays on disk: its arrays are read where they are used, chunk by chunk, each compared with its
+checksum at that moment. Memory then does not grow with the number of streams.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, MutableMapping
 from pathlib import Path
 
 import xarray as xr
+from xarray.backends import ZarrStore
+from zarr.abc.buffer import Buffer
+from zarr.buffer import cpu
+from zarr.storage import MemoryStore
 
 from streamdash.config import EnsembleConfig
 from streamdash.store.codec import chunk_count, chunk_streams, decode
-from streamdash.store.entry import StoreError, check_engine, read_manifest, read_verified
+from streamdash.store.entry import DATA, StoreError, check_engine, read_manifest, read_verified
+
+IN_MEMORY = 10_000
+"""An ensemble of more streams stays on disk (about 8 kB a stream in memory)."""
 
 
 def read_ensemble(path: Path, n_streams: int | None) -> xr.Dataset:
@@ -25,6 +37,8 @@ def read_ensemble(path: Path, n_streams: int | None) -> xr.Dataset:
     names = dict(manifest.header)
     for i in needed:
         names |= manifest.chunks[i]
+    if wanted > IN_MEMORY:
+        return _on_disk(path, manifest.header, names).isel(stream=slice(wanted))
     return decode(read_verified(path, names), slice(wanted))
 
 
@@ -61,3 +75,46 @@ def holds(path: Path, n_streams: int) -> bool:
         return False
     assert isinstance(config, EnsembleConfig)
     return n_streams <= config.n_streams and all(i in manifest.chunks for i in range(chunk_count(n_streams)))
+
+
+class _Files(MutableMapping[str, Buffer]):
+    """The files of an entry by name, each read and compared with its checksum when it is asked for."""
+
+    def __init__(self, path: Path, header: Mapping[str, str], checksums: Mapping[str, str]) -> None:
+        self._path, self._checksums = path, checksums
+        self._header = read_verified(path, header)
+
+    def __getitem__(self, name: str) -> Buffer:
+        if name not in self._checksums:
+            raise KeyError(name)
+        try:
+            data = self._header.get(name) or read_verified(self._path, {name: self._checksums[name]})[name]
+        except StoreError as error:
+            raise StoreError(f"The ensemble {self._path.name} cannot be read: {error}.") from None
+        return cpu.Buffer.from_bytes(data)
+
+    def __setitem__(self, name: str, value: Buffer) -> None:
+        raise TypeError("an entry is only read")
+
+    def __delitem__(self, name: str) -> None:
+        raise TypeError("an entry is only read")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._checksums)
+
+    def __len__(self) -> int:
+        return len(self._checksums)
+
+
+def _on_disk(path: Path, header: Mapping[str, str], checksums: Mapping[str, str]) -> xr.Dataset:
+    """Dataset of an entry whose profiles are read when they are used, and never kept."""
+    missing = next((name for name in checksums if not (path / DATA / name).is_file()), None)
+    if missing is not None:
+        raise StoreError(f"{DATA}/{missing} cannot be read (it is missing)")
+    store = ZarrStore.open_group(
+        MemoryStore(_Files(path, header, checksums), read_only=True), consolidated=False, zarr_format=3
+    )
+    dataset = xr.open_dataset(store, chunks=None, decode_times=False, cache=False)
+    for name in set(dataset.variables) - {"density", "omega"}:
+        dataset[name].load()
+    return dataset.drop_encoding()

@@ -38,6 +38,8 @@ ORDER_MAX = 6
 """Highest order of the polynomial: with more, it follows the gaps themselves."""
 EMPTY = 1e-30
 """Taken for the mean of a stretch without stars, which so stays empty when it is divided."""
+AT_ONCE = 5_000
+"""Streams of a large ensemble that are put into bins at once."""
 FLOOR = 0.1
 """A fitted polynomial is not taken below this share of the mean: a quotient would mean nothing."""
 
@@ -302,8 +304,15 @@ def observe_as(geometry: Geometry, ensemble: xr.Dataset, design: Design) -> np.n
     ValueError
         When a bin is not within the profiles.
     """
-    weights = _weights(geometry, ensemble, design)
-    return ensemble.density.values.astype("float32", copy=False) @ weights.astype("float32")
+    weights = _weights(geometry, ensemble, design).astype("float32")
+    n = ensemble.sizes["stream"]
+    if n <= AT_ONCE:
+        return ensemble.density.values.astype("float32", copy=False) @ weights
+    binned = np.empty((n, weights.shape[1]), "float32")
+    for first in range(0, n, AT_ONCE):  # an ensemble may lie on disk: no more of it is held than this
+        some = slice(first, first + AT_ONCE)
+        binned[some] = ensemble.density.isel(stream=some).values.astype("float32", copy=False) @ weights
+    return binned
 
 
 def smooth_as(geometry: Geometry, ensemble: xr.Dataset, design: Design) -> np.ndarray:

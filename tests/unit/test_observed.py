@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from streamdash.config import EnsembleConfig, Perturbers, StreamModel
 from streamdash.store.cache import Cache, StoreError
 from streamdash.streams import window_of
-from streamdash.survey import sky
+from streamdash.survey import design, sky
 from streamdash.survey.design import AS_IS, Design, default_design, observe_as, smooth_as
 from streamdash.survey.observed import ObservedStreams, noise_draws
 
@@ -50,6 +50,12 @@ def in_order(cache: Cache) -> list[EnsembleConfig]:
 
 
 # ------------------------------------------------------------------ designs
+
+
+def test_many_streams_are_put_into_bins_a_part_at_a_time(geometry, ensemble, monkeypatch):
+    at_once = observe_as(geometry, ensemble, default_design(geometry))
+    monkeypatch.setattr(design, "AT_ONCE", 2)
+    np.testing.assert_allclose(observe_as(geometry, ensemble, default_design(geometry)), at_once, rtol=1e-5)
 
 
 def test_the_default_design_measures_q_rho_in_the_papers_bins(geometry, ensemble):

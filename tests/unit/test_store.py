@@ -21,6 +21,7 @@ import pytest
 import xarray as xr
 
 from streamdash.config import EnsembleConfig, StreamModel
+from streamdash.store import reading
 from streamdash.store.cache import CHUNK, BusyError, Cache, StoreError
 from streamdash.store.entry import explained
 
@@ -63,6 +64,25 @@ def test_reading_the_first_streams_needs_only_their_chunks(toy, cache):
     (path / "data.zarr/density/c/2/0").unlink()
     xr.testing.assert_identical(cache.open_ensemble(toy.CONFIG, n_streams=70), whole.isel(stream=slice(70)))
     with pytest.raises(StoreError, match=r"density/c/2/0 cannot be read"):
+        cache.open_ensemble(toy.CONFIG)
+
+
+def test_a_large_ensemble_stays_on_disk_and_is_checked_where_it_is_used(toy, cache, monkeypatch):
+    path = toy.fill(cache)
+    whole = cache.open_ensemble(toy.CONFIG)
+    monkeypatch.setattr(reading, "IN_MEMORY", 10)
+    on_disk = cache.open_ensemble(toy.CONFIG)
+    xr.testing.assert_identical(on_disk.isel(stream=slice(40, 110)).load(), whole.isel(stream=slice(40, 110)))
+    few = cache.open_ensemble(toy.CONFIG, n_streams=70)
+    xr.testing.assert_identical(few.load(), whole.isel(stream=slice(70)))
+
+    chunk = path / "data.zarr/density/c/1/0"
+    chunk.write_bytes(bytes(chunk.stat().st_size))
+    np.testing.assert_array_equal(on_disk.density[:50], whole.density[:50])  # nothing else is read
+    with pytest.raises(StoreError, match=r"density/c/1/0 does not match its checksum"):
+        on_disk.density[50:100].load()
+    chunk.unlink()
+    with pytest.raises(StoreError, match=r"density/c/1/0 cannot be read"):
         cache.open_ensemble(toy.CONFIG)
 
 
