@@ -44,7 +44,7 @@ class Page:
     """Why the page takes the arms of a stream one by one, and what to do; empty where it takes both."""
 
     bundled: list[Any]
-    """Its figures (`app.ui.layout.FigureCard`), as they were made."""
+    """Its figures (`app.ui.cards.FigureCard`), as they were made."""
 
     def __init__(self, session: Session, services: Services) -> None:
         self.session = session

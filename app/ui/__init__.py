@@ -1,19 +1,16 @@
 """What pages are put together from: frame, layout, text and widgets."""
 
+from app.ui.cards import FigureCard, document, download, folded
 from app.ui.frame import page_frame
 from app.ui.layout import (
     CARD,
     FIGURE_HEIGHT,
     WIDE,
-    FigureCard,
     Opening,
     controls,
-    document,
-    download,
     figure_cell,
     figure_grid,
     figure_pane,
-    folded,
     page_layout,
     side_panel,
 )

@@ -13,7 +13,7 @@ from streamdash.plots.files import About
 
 
 class Bundled(Protocol):
-    """What is bundled of a figure; see `app.ui.layout.FigureCard`."""
+    """What is bundled of a figure; see `app.ui.cards.FigureCard`."""
 
     name: str
     files: Any

@@ -156,8 +156,8 @@ class StudyCard:
         self.card.view.visible = False
         words = ui.Html(
             fill(
-                '<div style="font: 15px/1.45 Roboto, sans-serif"><b style="font-weight: 600">{{ title }}</b>'
-                "<br>{{ purpose }}</div>",
+                '<div style="font: 15px/1.45 Roboto, sans-serif">'
+                '<span style="font-weight: 600">{{ title }}</span><br>{{ purpose }}</div>',
                 title=study.title,
                 purpose=study.purpose,
             ),

@@ -81,6 +81,10 @@ class Template:
         self._root = figure.id
         self._given = [(model.id, type(model), _given(model)) for model in models]
 
+    def __contains__(self, ref: object) -> bool:
+        """Whether the model of an id is among the figure's."""
+        return any(ref == known for known, _, _ in self._given)
+
     def make(self) -> dict[str, Model]:
         """New models, by the ids of those that the template was made from; arrays are shared."""
         made: dict[str, Model] = {}

@@ -87,9 +87,12 @@ def _models(overlay: hv.Element | hv.Overlay) -> tuple[Any, tuple[_Part, ...]]:
         return made[known.root], parts
     figure, parts = _draw(renderer, overlay)
     if again:
+        template = Template(figure)
         ids = tuple(_Part(p.label, p.source.id, getattr(p.glyph, "id", None)) for p in parts)
-        with _drawing:
-            _drawn[key] = _Drawn(Template(figure), figure.id, ids)
+        # Spans have a source that their figure does not hold: such a figure is drawn each time.
+        if all(part.source in template for part in ids):
+            with _drawing:
+                _drawn[key] = _Drawn(template, figure.id, ids)
     return figure, parts
 
 

@@ -15,12 +15,13 @@ from app import ui
 from app.pages.registry import PAGES
 from app.session.session import Session
 from app.shell import Shell
-from app.ui.layout import csv_of
+from app.ui.cards import csv_of
 from app.ui.templates import TEMPLATES, fill, literally
 from streamdash.plots import report_html
 
 HOSTILE = """<img src=x onerror=boom()>"'&amp;{{ 1111 * 7 }}![x](http://e/x.png)[y](http://e/)"""
 OURS = {"a", "br", "caption", "code", "div", "h1", "h2", "p", "pre", "small", "span", "sub"} | {
+    *("svg", "circle", "path", "rect", "strong"),  # marks of legends, and an answer's first sentence
     *("details", "summary", "li", "ul", "table", "tbody", "td", "th", "thead", "tr"),
 }
 LINKS = [

@@ -56,6 +56,13 @@ def test_a_figure_made_again_is_the_one_that_was_drawn():
     document.validate()
 
 
+def test_a_figure_with_a_span_is_drawn_however_often_it_is_asked_for():
+    """What a span is declared with is not among its figure's models."""
+    figures = [LiveFigure(drawn(4.0) * hv.VLine(0.5, label="usual")) for _ in range(4)]
+    assert {len(one.figure.center) for one in figures} == {len(figures[0].figure.center)}
+    assert all("usual" in one.sources for one in figures)
+
+
 def test_it_is_not_drawn_by_holoviews_again(monkeypatch):
     for _ in range(2):
         LiveFigure(drawn(3.0))

@@ -11,7 +11,7 @@ from app.pages.profiles.page import LEGEND, ProfilesPage
 from app.services.comparison import shared_comparison
 from app.session.catalog import Choice
 from app.session.session import link_to
-from app.ui.browser import Doors
+from app.ui.links import Doors
 from streamdash.paper.studies import shipped_studies
 from streamdash.plots.answers import profiles_answer
 from streamdash.plots.classifier import class_names

@@ -19,7 +19,8 @@ from app.services.classrooms import Result
 from app.services.services import Unavailable
 from app.session.listing import ensembles_code
 from app.session.session import Session, link_to
-from app.ui.browser import CopyLink, LiveText
+from app.ui.browser import LiveText
+from app.ui.links import CopyLink
 from app.work.tasks import Task, Watch
 from app.work.training import streams_of, train_task
 from streamdash.classifier.model import BEST

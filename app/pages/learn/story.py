@@ -17,7 +17,7 @@ from app.pages.learn.steps import STEPS, Step
 from app.pages.learn.text import GLOSSARY
 from app.session.listing import ensembles_code
 from app.session.session import Session, link_to
-from app.ui.browser import Links
+from app.ui.links import Links
 from streamdash.config import StreamModel
 from streamdash.plots.live import LiveFigure
 

@@ -17,7 +17,8 @@ from app.pages.learn.state import ROUNDS
 from app.pages.learn.teaching import GOALS, PLAN, QUESTIONS
 from app.services.classrooms import Result
 from app.session.session import link_to
-from app.ui.browser import CopyLink, Links, LiveText
+from app.ui.browser import LiveText
+from app.ui.links import CopyLink, Links
 
 USES = frozenset({"room", "game", "difficulty", "projector"})
 POLL_MS = 2000
