@@ -32,7 +32,8 @@ def other_streams_card(results: Mapping[str, Any], groups: Sequence[str], title:
         "from streamdash.plots.live import export\n"
         "from streamdash.plots.other_streams import draw_other_streams\n"
         "from streamdash.store.cache import Cache\n\n"
-        "cache = Cache.default()\n"
+        'streams = Path("other-streams")\n'
+        "cache = Cache((*Cache.default().roots, streams), streams)\n"
         "simulate_missing(cache)  # some ten minutes of one processor\n"
         "results = other_streams_results(cache)\n"
         f'figure = draw_other_streams(results, {list(groups)}, "matplotlib")\n'

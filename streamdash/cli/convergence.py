@@ -43,7 +43,7 @@ def convergence_command(
             "--answers",
             metavar="DIR",
             help="Instead: do classifier and evidence change with rate, age and settings? Simulates some "
-            "hundred streams of each, and writes table and numbers there.",
+            "hundred streams of each, and writes them, table and numbers there.",
         ),
     ] = None,
     cache: CacheOption = None,
@@ -108,17 +108,20 @@ def _answers(folder: Path, cache: Cache, workers: int | None) -> None:
     )
     from streamdash.cli.reproduce import keep, make_folder
     from streamdash.simulation.workers import WorkerError
+    from streamdash.store.cache import Cache
 
     make_folder(folder)
+    # Beside the cache and not in it: nobody wants to choose these streams on the page.
+    workshop = Cache((*cache.roots, folder / "streams"), folder / "streams")
     try:
         with progress_bar() as titled, wrong_input():
-            simulate_missing(cache, workers=workers, progress=titled("Streams made otherwise"))
+            simulate_missing(workshop, workers=workers, progress=titled("Streams made otherwise"))
     except WorkerError as error:
         raise InputError(str(error)) from error
     except KeyboardInterrupt:
         messages.print("Interrupted: what is finished is kept; the same command resumes there.")
         raise typer.Exit(130) from None
-    results = other_streams_results(cache)
+    results = other_streams_results(workshop)
     markdown = other_streams_markdown(results)
     print(markdown, end="")
     keep(folder, {"other_streams.json": results, "other_streams.md": markdown})

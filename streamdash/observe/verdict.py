@@ -37,7 +37,7 @@ from streamdash.survey.observed import ObservedStreams
 
 N_MODELS = 8
 """Models trained on resampled streams; their spread is part of the uncertainty."""
-N_FREE = 3
+N_FREE = 5
 """The same for classes whose abundance is free."""
 ERROR_FACTORS = (0.5, 1.5, 2.0)
 """By how much the errors may be wrong when it is told what that would do."""

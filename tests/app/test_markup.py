@@ -21,7 +21,7 @@ from streamdash.plots import report_html
 
 HOSTILE = """<img src=x onerror=boom()>"'&amp;{{ 1111 * 7 }}![x](http://e/x.png)[y](http://e/)"""
 OURS = {"a", "br", "caption", "code", "div", "h1", "h2", "p", "pre", "small", "span", "sub"} | {
-    *("svg", "circle", "path", "rect", "strong"),  # marks of legends, and an answer's first sentence
+    *("svg", "circle", "path", "rect", "strong", "em"),  # marks of legends, and prose
     *("details", "summary", "li", "ul", "table", "tbody", "td", "th", "thead", "tr"),
 }
 LINKS = [
