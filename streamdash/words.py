@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import re
 
-SUBSCRIPT = re.compile(
-    r"(?<![\w$])(σ(?=_[εh])|y(?=_α)|N(?=_bin)|n(?=_PCA|_l)|r(?=_s)|m(?=_WDM)|M(?=_hm)|E(?=_ii)|μ(?=_[αδlb]))"
-    r"_(ε|α|δ|bin|PCA|h|s|l|b|WDM|hm|ii)(?![\wα-ω])"
-)
-"""Symbols of this field, as sentences write them, whose second part readers see as a subscript."""
+SUBSCRIPT = re.compile(r"(?<![\w$])(?:σ_[εh]|y_α|N_bin|n_PCA|n_l|r_s|m_WDM|M_hm|E_ii|μ_[αδlb])(?![\wα-ω])")
+"""Symbols of this field, as sentences write them; readers see what follows the line as a subscript."""
 
 NEAR_PROGENITOR = 0.15
 """Angle θ∥ from the progenitor (rad) within which simulated densities are least to be trusted."""

@@ -75,10 +75,11 @@ SUBSCRIPTS = """
       const nodes = []
       let from = 0
       for (const found of text.matchAll(SUBSCRIPT)) {
+        const [symbol, low] = found[0].split("_")
         const sub = document.createElement("sub")
         sub.style.lineHeight = 0
-        sub.textContent = found[2]
-        nodes.push(text.slice(from, found.index) + found[1], sub)
+        sub.textContent = low
+        nodes.push(text.slice(from, found.index) + symbol, sub)
         from = found.index + found[0].length
       }
       return [...nodes, text.slice(from)]

@@ -25,7 +25,7 @@ TEMPLATES = Environment(
     auto_reload=False,
 )
 MARKDOWN = MarkdownIt("commonmark", {"html": False}).enable("table")
-TAGS = re.compile(r"(<pre.*?</pre>|<[^>]*>)", re.DOTALL)
+TAGS = re.compile(r"(<[^<>]*>)")
 SCROLLS = """
 .wide { overflow-x: auto; --sd-ground: var(--mui-palette-background-paper, Canvas);
   background:
@@ -65,10 +65,18 @@ def literally(text: str) -> str:
 
 def subscripted(html: str) -> str:
     """HTML in which ``σ_ε`` and the like have real subscripts; tags and listings stay as they are."""
-    parts = TAGS.split(html)
-    return "".join(
-        SUBSCRIPT.sub(r"\1<sub>\2</sub>", part) if i % 2 == 0 else part for i, part in enumerate(parts)
-    )
+    listing, parts = False, TAGS.split(html)
+    for i, part in enumerate(parts):
+        if i % 2:
+            listing = not part.startswith("</") if part.lstrip("</").startswith("pre") else listing
+        elif not listing:
+            parts[i] = SUBSCRIPT.sub(_with_subscript, part)
+    return "".join(parts)
+
+
+def _with_subscript(found: re.Match[str]) -> str:
+    symbol, low = found[0].split("_")
+    return f"{symbol}<sub>{low}</sub>"
 
 
 def from_markdown(text: str) -> Markup:

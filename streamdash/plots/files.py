@@ -171,7 +171,12 @@ def _fields(kind: str, about: About) -> dict[str, Any]:
 def _math(text: str) -> str:
     """Text for Matplotlib: names with subscripts as such, and nothing that people typed as a formula."""
     safe = text.replace("\\", "").replace("$", r"\$")
-    return SUBSCRIPT.sub(lambda m: f"${m[1]}_{{\\mathrm{{{m[2]}}}}}$", safe)
+    return SUBSCRIPT.sub(_with_subscript, safe)
+
+
+def _with_subscript(found: re.Match[str]) -> str:
+    symbol, low = found[0].split("_")
+    return f"${symbol}_{{\\mathrm{{{low}}}}}$"
 
 
 def _short(key: str) -> str:

@@ -97,7 +97,8 @@ LETTERS = """() => {
       if (child.nodeType === Node.TEXT_NODE) {
         const parent = child.parentElement ?? child.parentNode.host
         const size = parseFloat(getComputedStyle(parent).fontSize)
-        if (child.textContent.trim() && parent.checkVisibility() && size < 24
+        // Subscripts are smaller than their line.
+        if (child.textContent.trim() && parent.checkVisibility() && size < 24 && !parent.closest("sub")
             && !["STYLE", "SCRIPT"].includes(parent.tagName)) {
           small.push(child.textContent.trim())
         }

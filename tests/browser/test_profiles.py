@@ -84,7 +84,7 @@ def test_moving_the_noise_slider_changes_the_data_and_the_url(tab):
     page.wait_for_function("() => new URLSearchParams(location.search).get('noise') === '0.2'")
     after = band(page)
     assert (after - 1).mean() > 1.3 * (before - 1).mean()
-    expect(page.locator(".sd-live").first).to_contain_text("σε = 0.2")
+    expect(page.locator(".sd-sentence .sd-live").first).to_contain_text("σε = 0.2")
 
 
 def test_a_link_reproduces_the_view(tab):
@@ -92,8 +92,10 @@ def test_a_link_reproduces_the_view(tab):
     second = tab(address_bar(first)).page
     np.testing.assert_array_equal(band(first, 1), band(second, 1))
     for page in (first, second):
-        expect(page.locator(".sd-live").first).to_contain_text("density ρ along parallel angle θ∥")
-        expect(page.locator(".sd-live").first).to_contain_text("σε = 0.35")
+        expect(page.locator(".sd-sentence .sd-live").first).to_contain_text(
+            "density ρ along parallel angle θ∥"
+        )
+        expect(page.locator(".sd-sentence .sd-live").first).to_contain_text("σε = 0.35")
 
 
 def test_a_bad_link_is_explained_and_the_rest_is_kept(tab):
@@ -101,7 +103,7 @@ def test_a_bad_link_is_explained_and_the_rest_is_kept(tab):
     message = watched.page.locator(".sd-message")
     expect(message).to_contain_text("noise must be a number between 0 and 1")
     expect(message).to_contain_text("colour")
-    expect(watched.page.locator(".sd-live").first).to_contain_text("parallel angle")
+    expect(watched.page.locator(".sd-sentence .sd-live").first).to_contain_text("parallel angle")
     assert watched.page.locator("img[src=x]").count() == 0
     assert all(share > 0.1 for share, _ in painted(watched.page))
 
@@ -113,11 +115,11 @@ def test_reload_and_back_keep_what_was_chosen(tab):
     page.wait_for_function("() => location.search.includes('y=rho')")
     page.reload()
     page.wait_for_function(READY)
-    expect(page.locator(".sd-live").first).to_contain_text("density ρ")
+    expect(page.locator(".sd-sentence .sd-live").first).to_contain_text("density ρ")
     page.goto("about:blank")
     page.go_back()
     page.wait_for_function(READY)
-    expect(page.locator(".sd-live").first).to_contain_text("density ρ")
+    expect(page.locator(".sd-sentence .sd-live").first).to_contain_text("density ρ")
 
 
 def test_the_code_follows_and_everything_comes_from_the_server_and_nothing_complains(tab, address):

@@ -199,7 +199,7 @@ def test_dispersion_is_fixed_by_the_age_unless_given():
         (StreamModel, {"progenitor": (0.0, 0, 1, 0, 0, 0)}, "progenitor", "between 0.1 and 12.5"),
         (StreamModel, {"potential": {"q": 3}}, "potential.q", "less than or equal to 1.5"),
         (EnsembleConfig, {"n_streams": 0}, "n_streams", "greater than or equal to 1"),
-        (EnsembleConfig, {"n_streams": 1.5}, "n_streams", "integer"),
+        (EnsembleConfig, {"n_streams": 1.5}, "n_streams", "whole number"),
         (EnsembleConfig, {"seed": -1}, "seed", "greater than or equal to 0"),
         (EnsembleConfig, {"theta_min": 0.9, "theta_max": 0.1}, "theta_min", "smaller than theta_max"),
         (EnsembleConfig, {"perturbers": {"mass_range": "1e9-1e5"}}, "perturbers.mass_range", "first"),
