@@ -81,7 +81,9 @@ def _with_subscript(found: re.Match[str]) -> str:
 
 def from_markdown(text: str) -> Markup:
     """HTML of a text of ours in Markdown; HTML in it is shown as text."""
-    return Markup(MARKDOWN.render(text))  # noqa: S704 - escaped by the renderer
+    html = MARKDOWN.render(text)
+    # A table scrolls where it is wider than its place; so a keyboard has to reach it.
+    return Markup(html.replace("<table>", '<table tabindex="0">'))  # noqa: S704 - escaped by the renderer
 
 
 class Html(pn.pane.HTML):
