@@ -58,6 +58,8 @@ def reproduce_command(
     cache: CacheOption = None,
 ) -> None:
     """Redo the paper's model selection and its classifier; the paper's numbers stand beside."""
+    from threadpoolctl import threadpool_limits
+
     from streamdash.paper.evidence import load_sample, measure
     from streamdash.paper.tables import table_csv, table_markdown
     from streamdash.simulation.geometry import load_geometry
@@ -65,45 +67,47 @@ def reproduce_command(
     folder = output or figures
     for directory in {one for one in (folder, figures) if one is not None}:
         make_folder(directory)
-    where = make_cache(cache)
-    sample = load_sample(where)
-    results = measure(sample, load_geometry(sample.configs[0].stream, where))
-    if choices or text is not None:
-        from streamdash.paper.choices import measure_choices
+    # All matrices are small: threads of the linear algebra cost as much as the work itself.
+    with threadpool_limits(1, "blas"):
+        where = make_cache(cache)
+        sample = load_sample(where)
+        results = measure(sample, load_geometry(sample.configs[0].stream, where))
+        if choices or text is not None:
+            from streamdash.paper.choices import measure_choices
 
-        results["choices"] = measure_choices(where, sample)
-    table = table_markdown(results)
-    print(table, end="")
-    keep(folder, {"results.json": results, "table1.csv": table_csv(results), "table1.md": table})
-    if classifier:
-        from streamdash.paper.classifier import classifier_markdown, classifier_results
+            results["choices"] = measure_choices(where, sample)
+        table = table_markdown(results)
+        print(table, end="")
+        keep(folder, {"results.json": results, "table1.csv": table_csv(results), "table1.md": table})
+        if classifier:
+            from streamdash.paper.classifier import classifier_markdown, classifier_results
 
-        configs = dict(zip(sample.labels, sample.configs, strict=True))
-        scores = classifier_results(where, configs)
-        print(f"\n{classifier_markdown(scores)}", end="")
-        keep(folder, {"classifier.json": scores, "table2.md": classifier_markdown(scores)})
-        numbers, markdown = kept_by_statistics(where, configs)
-        print(f"\n{markdown}", end="")
-        keep(folder, {"statistics.json": numbers, "statistics.md": markdown})
-        print(f"\n{reproduce_full_range(where, folder, figures)}", end="")
-    if studies:
-        from streamdash.paper.evidence import TWO_CLASSES
-        from streamdash.paper.studies import study_results
+            configs = dict(zip(sample.labels, sample.configs, strict=True))
+            scores = classifier_results(where, configs)
+            print(f"\n{classifier_markdown(scores)}", end="")
+            keep(folder, {"classifier.json": scores, "table2.md": classifier_markdown(scores)})
+            numbers, markdown = kept_by_statistics(where, configs)
+            print(f"\n{markdown}", end="")
+            keep(folder, {"statistics.json": numbers, "statistics.md": markdown})
+            print(f"\n{reproduce_full_range(where, folder, figures)}", end="")
+        if studies:
+            from streamdash.paper.evidence import TWO_CLASSES
+            from streamdash.paper.studies import study_results
 
-        found = study_results(where, sample.only(TWO_CLASSES).configs)
-        keep(folder, {"studies.json": found})
-        for name, one in found["studies"].items():
-            print(f"{name}: {one['seconds']:.0f} s of a processor")
-    if text is not None:
-        from streamdash.paper.differences import differences
+            found = study_results(where, sample.only(TWO_CLASSES).configs)
+            keep(folder, {"studies.json": found})
+            for name, one in found["studies"].items():
+                print(f"{name}: {one['seconds']:.0f} s of a processor")
+        if text is not None:
+            from streamdash.paper.differences import differences
 
-        write(text, differences(rounded(results)))
-    if figures is not None:
-        from streamdash.plots.paper import save_appendix_figures, save_figures
+            write(text, differences(rounded(results)))
+        if figures is not None:
+            from streamdash.plots.paper import save_appendix_figures, save_figures
 
-        appendices, lacking = save_appendix_figures(where, sample, figures)
-        for line in (*save_figures(where, sample, figures), *appendices, *lacking):
-            messages.print(f"{line}", markup=False)
+            appendices, lacking = save_appendix_figures(where, sample, figures)
+            for line in (*save_figures(where, sample, figures), *appendices, *lacking):
+                messages.print(f"{line}", markup=False)
 
 
 def kept_by_statistics(cache: Cache, configs: Mapping[str, EnsembleConfig]) -> tuple[list[Any], str]:
